@@ -1,0 +1,118 @@
+"""The room in which the Fetch stands: floor, sky, light and the cameras that film it."""
+
+from collections.abc import Sequence
+
+from dm_control import composer
+
+from fetch_composer.entities import contacts
+
+# Name: (position in m, point looked at in m, vertical field of view in degrees).
+_CAMERAS = {
+    'front': ((2.75, 0.75, 1.25), (1.1, 0.75, 0.55), 42),
+    'corner': ((2.35, 2.0, 1.35), (1.1, 0.75, 0.5), 45),
+    'side': ((1.2, -1.3, 1.05), (1.1, 0.75, 0.55), 45),
+    'top': ((1.32, 0.75, 1.75), (1.32, 0.7501, 0.4), 45),
+    'close': ((1.95, 1.3, 0.95), (1.33, 0.75, 0.45), 40),
+}
+CAMERAS = tuple(_CAMERAS)
+
+
+def _look_at(position: Sequence[float], point: Sequence[float]) -> tuple[float, ...]:
+    """Returns MuJoCo's `xyaxes` of an upright camera at `position` that sees `point`."""
+    forward = [b - a for a, b in zip(position, point, strict=True)]
+    right = (forward[1], -forward[0], 0.0)
+    up = (
+        right[1] * forward[2] - right[2] * forward[1],
+        right[2] * forward[0] - right[0] * forward[2],
+        right[0] * forward[1] - right[1] * forward[0],
+    )
+    return (*right, *up)
+
+
+class Arena(composer.Arena):
+    """A floor under a sky, lit from above, with named cameras around the table."""
+
+    def _build(self, name: str = 'arena') -> None:
+        super()._build(name=name)
+        # MuJoCo's defaults, which composer.Arena overrides.
+        self.mjcf_model.option.cone = 'pyramidal'
+        self.mjcf_model.option.noslip_iterations = 0
+        self._add_floor()
+        self._add_light()
+        self.mjcf_model.visual.quality.shadowsize = 4096
+        self.mjcf_model.visual.map.znear = 0.01
+        self.mjcf_model.visual.map.zfar = 50
+        self.mjcf_model.statistic.center = (1.1, 0.75, 0.5)
+        self.mjcf_model.statistic.extent = 1.5
+        for camera, (position, point, fovy) in _CAMERAS.items():
+            self.mjcf_model.worldbody.add(
+                'camera',
+                name=camera,
+                pos=position,
+                xyaxes=_look_at(position, point),
+                fovy=fovy,
+            )
+
+    def _add_floor(self) -> None:
+        asset = self.mjcf_model.asset
+        asset.add(
+            'texture',
+            name='sky',
+            type='skybox',
+            builtin='gradient',
+            rgb1=(0.82, 0.88, 0.94),
+            rgb2=(0.42, 0.52, 0.64),
+            width=256,
+            height=1536,
+        )
+        tiles = asset.add(
+            'texture',
+            name='tiles',
+            type='2d',
+            builtin='checker',
+            rgb1=(0.62, 0.64, 0.67),
+            rgb2=(0.56, 0.58, 0.61),
+            mark='edge',
+            markrgb=(0.5, 0.52, 0.55),
+            width=512,
+            height=512,
+        )
+        material = asset.add(
+            'material', name='tiles', texture=tiles, texrepeat=(2, 2), texuniform=True,
+            reflectance=0.08, specular=0.1,
+        )  # fmt: skip
+        self._floor = self.mjcf_model.worldbody.add(
+            'geom',
+            name='floor',
+            type='plane',
+            pos=(0.8, 0.75, 0),
+            size=(4, 4, 1),
+            material=material,
+            **contacts.SCENERY_CONTACT,
+        )
+
+    def _add_light(self) -> None:
+        headlight = self.mjcf_model.visual.headlight
+        headlight.ambient = (0.35, 0.35, 0.36)
+        headlight.diffuse = (0.35, 0.35, 0.35)
+        headlight.specular = (0.1, 0.1, 0.1)
+        self._light = self.mjcf_model.worldbody.add(
+            'light',
+            name='key',
+            pos=(2.2, -0.4, 3.0),
+            dir=(-0.4, 0.45, -1),
+            directional=True,
+            castshadow=True,
+            diffuse=(0.55, 0.54, 0.52),
+            specular=(0.3, 0.3, 0.3),
+        )
+
+    @property
+    def floor(self):
+        """The floor's geom."""
+        return self._floor
+
+    @property
+    def light(self):
+        """The light that casts shadows."""
+        return self._light

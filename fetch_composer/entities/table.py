@@ -1,0 +1,53 @@
+"""The table on which the tasks take place."""
+
+from collections.abc import Sequence
+
+from dm_control import composer, mjcf
+
+from fetch_composer.entities import contacts
+
+
+class Table(composer.Entity):
+    """A box; the entity's frame is its centre."""
+
+    def _build(
+        self,
+        half_size: Sequence[float] = (0.25, 0.35, 0.2),
+        friction: Sequence[float] = (1.0, 0.005, 0.0001),
+        name: str = 'table',
+    ) -> None:
+        """Builds the table.
+
+        Args:
+            half_size: Half of its length, width and height in m.
+            friction: Sliding, torsional and rolling coefficients.
+            name: Name of the entity.
+        """
+        self._half_size = tuple(half_size)
+        self._mjcf_root = mjcf.RootElement(model=name)
+        material = self._mjcf_root.asset.add(
+            'material', name='wood', rgba=(0.78, 0.68, 0.54, 1), specular=0.2, shininess=0.2
+        )
+        self._geom = self._mjcf_root.worldbody.add(
+            'geom',
+            name='table',
+            type='box',
+            size=half_size,
+            friction=friction,
+            material=material,
+            **contacts.SCENERY_CONTACT,
+        )
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def geom(self) -> mjcf.Element:
+        """The table's only geom."""
+        return self._geom
+
+    @property
+    def half_size(self) -> tuple[float, ...]:
+        """Half of the table's length, width and height in m."""
+        return self._half_size

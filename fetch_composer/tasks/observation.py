@@ -1,0 +1,131 @@
+"""What a goal task observes of the gripper and the object, in the page's order.
+
+    index   with an object                                     without
+    0-2     gripper position                                   0-2
+    3-5     object position
+    6-8     their difference
+    9-10    displacement of the right and left finger          3-4
+    11-13   object's rotation, intrinsic XYZ Euler angles
+    14-16   object's linear velocity less the gripper's
+    17-19   object's angular velocity
+    20-22   gripper's linear velocity                          5-7
+    23-24   velocity of the right and left finger              8-9
+
+Positions are in m, angles in rad, all in global coordinates; velocities are multiplied by the
+control timestep, so that they are in m or rad per control step.
+"""
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+SIZE_WITH_OBJECT = 25
+SIZE_WITHOUT_OBJECT = 10
+
+# Below this cosine of the middle angle the first and third Euler axes coincide.
+_SINGULAR_COSINE = 4 * np.finfo(np.float64).eps
+
+
+def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
+    """Returns the intrinsic XYZ Euler angles, in rad, of a row-major rotation matrix.
+
+    Args:
+        xmat: (9,) floats, as MuJoCo's `site_xmat`.
+    """
+    m00, m01, m02, m10, m11, m12, _, _, m22 = xmat
+    cosine = math.hypot(m12, m22)
+    middle = math.atan2(m02, cosine)
+    if cosine > _SINGULAR_COSINE:
+        return math.atan2(-m12, m22), middle, math.atan2(-m01, m00)
+    return 0.0, middle, math.atan2(m10, m11)
+
+
+class GoalObserver:
+    """Reads observations off a simulation; resolves every name once."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        grip_site: int,
+        finger_joints: Sequence[int],
+        object_site: int | None,
+        control_timestep: float,
+        block_minus_gripper: bool,
+    ) -> None:
+        """Initializes the observer.
+
+        Args:
+            model: The compiled model.
+            data: The simulation to observe.
+            grip_site: Id of the gripper's observed site.
+            finger_joints: Ids of the right and the left finger's joint, or none if the fingers
+                are rigid, whose displacements and velocities are 0.
+            object_site: Id of the object's observed site, or None without an object.
+            control_timestep: Seconds by which velocities are multiplied.
+            block_minus_gripper: Sense of the difference of positions.
+        """
+        self._model = model
+        self._data = data
+        self._grip_site = grip_site
+        self._object_site = object_site
+        self._timestep = control_timestep
+        self._sense = 1.0 if block_minus_gripper else -1.0
+        self._grip_position = data.site_xpos[grip_site]
+        self._qpos = data.qpos
+        self._qvel = data.qvel
+        self._finger_qpos = [model.jnt_qposadr[joint] for joint in finger_joints]
+        self._finger_qvel = [model.jnt_dofadr[joint] for joint in finger_joints]
+        self._grip_jacobian = np.zeros((3, model.nv))
+        if object_site is not None:
+            self._object_position = data.site_xpos[object_site]
+            self._object_xmat = data.site_xmat[object_site]
+            # Both Jacobians in one array, so that one product gives both velocities.
+            self._object_jacobian = np.zeros((6, model.nv))
+            self._object_jacobian_position = self._object_jacobian[:3]
+            self._object_jacobian_rotation = self._object_jacobian[3:]
+
+    @property
+    def size(self) -> int:
+        """Length of the observation: 25 with an object, 10 without."""
+        return SIZE_WITHOUT_OBJECT if self._object_site is None else SIZE_WITH_OBJECT
+
+    def achieved_goal(self) -> np.ndarray:
+        """Returns (3,) position in m of the object or, without one, of the gripper."""
+        if self._object_site is None:
+            return self._grip_position.copy()
+        return self._object_position.copy()
+
+    def observation(self) -> np.ndarray:
+        """Returns (25,) or, without an object, (10,) float64; see the module's table."""
+        scaled_qvel = self._qvel * self._timestep
+        mujoco.mj_jacSite(self._model, self._data, self._grip_jacobian, None, self._grip_site)
+        grip_velocity = self._grip_jacobian @ scaled_qvel
+        out = np.zeros(self.size)
+        out[:3] = self._grip_position
+        if self._object_site is None:
+            fingers = 3
+        else:
+            fingers = 9
+            self._observe_object(out, scaled_qvel, grip_velocity)
+        out[-5:-2] = grip_velocity
+        if self._finger_qpos:
+            out[fingers : fingers + 2] = self._qpos[self._finger_qpos]
+            out[-2:] = scaled_qvel[self._finger_qvel]
+        return out
+
+    def _observe_object(self, out, scaled_qvel, grip_velocity) -> None:
+        mujoco.mj_jacSite(
+            self._model,
+            self._data,
+            self._object_jacobian_position,
+            self._object_jacobian_rotation,
+            self._object_site,
+        )
+        out[3:6] = self._object_position
+        out[6:9] = (self._object_position - self._grip_position) * self._sense
+        out[11:14] = euler_xyz(self._object_xmat.tolist())
+        out[14:20] = self._object_jacobian @ scaled_qvel
+        out[14:17] -= grip_velocity

@@ -1,0 +1,45 @@
+"""Reward and success of a goal task: pure functions of goals, of any batch shape."""
+
+import numpy as np
+
+REWARD_TYPES = ('sparse', 'dense')
+
+DISTANCE_THRESHOLD = 0.05  # m
+
+
+def check_reward_type(reward_type: str) -> None:
+    """Raises `ValueError`, which lists the valid types, if `reward_type` is none of them."""
+    if reward_type not in REWARD_TYPES:
+        raise ValueError(
+            f'Unknown reward_type {reward_type!r}; valid are {", ".join(REWARD_TYPES)}.'
+        )
+
+
+def goal_distance(achieved_goal, desired_goal) -> np.ndarray:
+    """Returns the Euclidean distance in m, shape (...,), of goals of shape (..., 3)."""
+    offset = np.subtract(achieved_goal, desired_goal)
+    return np.sqrt(np.einsum('...i,...i->...', offset, offset))
+
+
+def is_success(achieved_goal, desired_goal) -> np.ndarray:
+    """Returns whether goals of shape (..., 3) are closer than 0.05 m; bool, shape (...,)."""
+    return goal_distance(achieved_goal, desired_goal) < DISTANCE_THRESHOLD
+
+
+def compute_reward(achieved_goal, desired_goal, reward_type: str = 'sparse') -> np.ndarray:
+    """Returns the reward of goals of shape (..., 3); float64, shape (...,).
+
+    Args:
+        achieved_goal: (..., 3) positions in m.
+        desired_goal: (..., 3) positions in m.
+        reward_type: 'sparse' gives 0 within 0.05 m of the goal and -1 elsewhere; 'dense' gives
+            minus the distance in m.
+
+    Raises:
+        ValueError: if `reward_type` is not one of `REWARD_TYPES`.
+    """
+    check_reward_type(reward_type)
+    distance = goal_distance(achieved_goal, desired_goal)
+    if reward_type == 'dense':
+        return -distance
+    return np.where(distance < DISTANCE_THRESHOLD, 0.0, -1.0)

@@ -1,0 +1,116 @@
+"""The scene of a goal task: a Fetch at a table, the handle that moves it, and a target."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from fetch_composer import entities
+from fetch_composer.tasks import conventions
+
+# A goal may lie this far below and above the table's surface, in m.
+_GOAL_BELOW_TABLE = 0.02
+_GOAL_ABOVE_TABLE = 0.6
+
+
+@dataclasses.dataclass(frozen=True)
+class Workspace:
+    """Where robot, gripper and table are, in m.
+
+    Attributes:
+        robot_position: Origin of the robot's frame.
+        gripper_position: Documented start of the gripper link's frame.
+        table_position: Centre of the table.
+        table_half_size: Half of the table's length, width and height.
+        table_friction: Sliding, torsional and rolling coefficients.
+    """
+
+    robot_position: tuple[float, float, float]
+    gripper_position: tuple[float, float, float]
+    table_position: tuple[float, float, float]
+    table_half_size: tuple[float, float, float]
+    table_friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
+
+    def check_block_position(self, position: Sequence[float]) -> np.ndarray:
+        """Returns (2,) x and y as an array.
+
+        Raises:
+            ValueError: if they are not two finite numbers on the table.
+        """
+        centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
+        return _check_place('block_position', position, (centre - half_size)[:2],
+                            (centre + half_size)[:2])  # fmt: skip
+
+    def check_goal(self, goal: Sequence[float]) -> np.ndarray:
+        """Returns (3,) x, y and z as an array.
+
+        Raises:
+            ValueError: if they are not three finite numbers on or above the table.
+        """
+        centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
+        lower, upper = centre - half_size, centre + half_size
+        lower[2] = upper[2] - _GOAL_BELOW_TABLE
+        upper[2] = upper[2] + _GOAL_ABOVE_TABLE
+        return _check_place('goal', goal, lower, upper)
+
+
+def _check_place(name: str, place, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    try:
+        array = np.array(place, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != lower.shape or not np.all(np.isfinite(array)):
+        raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {place!r}.')
+    if np.any(array < lower) or np.any(array > upper):
+        raise ValueError(
+            f'{name} {array.tolist()} is off the table: it must lie between '
+            f'{lower.round(4).tolist()} and {upper.round(4).tolist()} m.'
+        )
+    return array
+
+
+class Scene:
+    """The entities of a goal task, attached to one another as a convention asks."""
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        convention: conventions.Convention,
+        block: entities.Block | None,
+        locked_gripper: bool,
+    ) -> None:
+        """Assembles the scene.
+
+        Args:
+            workspace: Where things are.
+            convention: Decides on the base, gravity compensation and the locked gripper.
+            block: The object, or None.
+            locked_gripper: Whether the gripper stays closed.
+        """
+        self.arena = entities.Arena()
+        self.arm = entities.FetchArm(
+            damped_base=convention.damped_base,
+            gravity_compensation=convention.gravity_compensation,
+        )
+        self.gripper = entities.FetchGripper(
+            finger_joints=not (locked_gripper and convention.rigid_lock),
+            actuated=not locked_gripper,
+            gravity_compensation=convention.gravity_compensation,
+        )
+        self.arm.attach(self.gripper)
+        self.arena.attach(self.arm).pos = workspace.robot_position
+
+        self.table = entities.Table(workspace.table_half_size, workspace.table_friction)
+        self.arena.attach(self.table).pos = workspace.table_position
+
+        self.target = entities.Target()
+        self.target_frame = self.arena.attach(self.target)
+
+        self.mocap = entities.Mocap()
+        self.mocap_frame = self.mocap.attach_to(self.arena)
+        self.mocap.weld_to(self.gripper.gripper_link)
+
+        self.block = block
+        self.block_joint = None
+        if block is not None:
+            self.block_joint = block.attach_to(self.arena)
