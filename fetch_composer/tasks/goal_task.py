@@ -215,17 +215,15 @@ class GoalTask(composer.Task):
     def after_step(self, physics, random_state) -> None:
         del physics, random_state  # Unused.
         compiled = self._compiled
-        if self.locked_gripper and not self.convention.rigid_lock:
+        if self.locked_gripper:
             compiled.data.qpos[compiled.finger_qpos] = 0
-            mujoco.mj_forward(compiled.model, compiled.data)
-        elif not self.locked_gripper and not self.convention.refresh_unlocked:
+        elif not self.convention.refresh_unlocked:
             return
-        else:
-            # `mj_step` leaves positions and velocities one substep behind the state.
-            mujoco.mj_kinematics(compiled.model, compiled.data)
-            mujoco.mj_comPos(compiled.model, compiled.data)
-            mujoco.mj_comVel(compiled.model, compiled.data)
-            mujoco.mj_camlight(compiled.model, compiled.data)
+        # `mj_step` leaves positions and velocities one substep behind the state.
+        mujoco.mj_kinematics(compiled.model, compiled.data)
+        mujoco.mj_comPos(compiled.model, compiled.data)
+        mujoco.mj_comVel(compiled.model, compiled.data)
+        mujoco.mj_camlight(compiled.model, compiled.data)
 
     def action_spec(self, physics) -> specs.BoundedArray:
         del physics  # Unused.
