@@ -50,7 +50,8 @@ class GoalObserver:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         grip_site: int,
-        finger_joints: Sequence[int],
+        finger_qpos: Sequence[int],
+        finger_qvel: Sequence[int],
         object_site: int | None,
         control_timestep: float,
         block_minus_gripper: bool,
@@ -61,8 +62,9 @@ class GoalObserver:
             model: The compiled model.
             data: The simulation to observe.
             grip_site: Id of the gripper's observed site.
-            finger_joints: Ids of the right and the left finger's joint, or none if the fingers
-                are rigid, whose displacements and velocities are 0.
+            finger_qpos: Addresses of the right and the left finger's joint in qpos, or none if
+                the fingers are rigid: their displacements and velocities are then 0.
+            finger_qvel: The same in qvel.
             object_site: Id of the object's observed site, or None without an object.
             control_timestep: Seconds by which velocities are multiplied.
             block_minus_gripper: Sense of the difference of positions.
@@ -76,8 +78,8 @@ class GoalObserver:
         self._grip_position = data.site_xpos[grip_site]
         self._qpos = data.qpos
         self._qvel = data.qvel
-        self._finger_qpos = [model.jnt_qposadr[joint] for joint in finger_joints]
-        self._finger_qvel = [model.jnt_dofadr[joint] for joint in finger_joints]
+        self._finger_qpos = list(finger_qpos)
+        self._finger_qvel = list(finger_qvel)
         self._grip_jacobian = np.zeros((3, model.nv))
         if object_site is not None:
             self._object_position = data.site_xpos[object_site]
