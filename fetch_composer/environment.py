@@ -30,6 +30,10 @@ class SeededRandomState(np.random.RandomState):
         return super().get_state(legacy=False)
 
 
+def _random_state(seed) -> np.random.RandomState:
+    return seed if isinstance(seed, np.random.RandomState) else SeededRandomState(seed)
+
+
 class Environment(composer.Environment):
     """An environment that advances a control step in one native call wherever it may.
 
@@ -46,18 +50,25 @@ class Environment(composer.Environment):
 
         Args:
             task: The task.
-            random_state: A seed, or a `RandomState`.
+            random_state: As for the method `seed`.
             **kwargs: Further arguments of `composer.Environment`.
         """
-        if not isinstance(random_state, np.random.RandomState):
-            random_state = SeededRandomState(random_state)
         kwargs = {
             'strip_singleton_obs_buffer_dim': True,
             'recompile_mjcf_every_episode': False,
             'legacy_step': False,
             **kwargs,
         }
-        super().__init__(task, random_state=random_state, **kwargs)
+        super().__init__(task, random_state=_random_state(random_state), **kwargs)
+
+    def seed(self, seed) -> None:
+        """Seeds the episodes that follow; the current one goes on.
+
+        Args:
+            seed: A non-negative integer, a `numpy.random.RandomState` to draw from, or None for
+                entropy.
+        """
+        self._random_state = _random_state(seed)
 
     def _reset_attempt(self) -> dm_env.TimeStep:
         time_step = super()._reset_attempt()
