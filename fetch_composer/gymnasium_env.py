@@ -4,6 +4,7 @@
 environments of Gymnasium-Robotics.
 """
 
+import threading
 from typing import Any
 
 import gymnasium
@@ -195,16 +196,19 @@ class FetchEnv(_GoalFunctions, gymnasium.Env, gymnasium.utils.EzPickle):
                     "render_mode='human' opens a window and needs a display; without one use "
                     "'rgb_array', or explore.py, which renders to files."
                 )
-            physics = self._env.physics
+            physics, threads = self._env.physics, set(threading.enumerate())
             self._viewer = mujoco.viewer.launch_passive(physics.model.ptr, physics.data.ptr)
             self._viewer.cam.lookat[:] = self._env.task.workspace.table_position
             self._viewer.cam.distance, self._viewer.cam.azimuth = 2.5, 132
+            self._viewer_threads = set(threading.enumerate()) - threads
         self._viewer.sync()
 
     def close(self) -> None:
         """Closes the window, if there is one, and frees the simulation."""
         if self._viewer is not None:
             self._viewer.close()
+            for thread in self._viewer_threads:  # They draw from memory that is freed below.
+                thread.join()
             self._viewer = None
         if self._env is not None:
             self._env.close()

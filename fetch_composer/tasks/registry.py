@@ -3,10 +3,16 @@
 import inspect
 
 from fetch_composer.tasks.goal_task import GoalTask
+from fetch_composer.tasks.pick_and_place import PickAndPlace
 from fetch_composer.tasks.push import Push
+from fetch_composer.tasks.reach import Reach
+from fetch_composer.tasks.slide import Slide
 
 TASKS: dict[str, type[GoalTask]] = {
+    'pick_and_place': PickAndPlace,
     'push': Push,
+    'reach': Reach,
+    'slide': Slide,
 }
 ALL = tuple(sorted(TASKS))
 
