@@ -1,6 +1,5 @@
 """The Fetch manipulation tasks as a dm_control Composer suite."""
 
-
 import importlib.util
 
 from dm_control import suite as _dm_suite

@@ -223,9 +223,7 @@ class BatchEnvironment:
         displacement = actions[rows, :3] * goal_task.METRES_PER_UNIT
         self._mocap_position[rows] = self._gripper_position[rows] + displacement
         if self._task.convention.additive_rotation:
-            self._mocap_quaternion[rows] = (
-                self._gripper_quaternion[rows] + goal_task.ADDED_ROTATION
-            )
+            self._mocap_quaternion[rows] = self._gripper_quaternion[rows] + goal_task.ADDED_ROTATION
         if not self._task.locked_gripper:
             fingers = self._qpos[rows][:, self._addresses.finger_qpos]
             self._control[rows] = fingers + actions[rows, 3:]

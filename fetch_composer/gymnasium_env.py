@@ -7,13 +7,18 @@ environments of Gymnasium-Robotics.
 import threading
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError as error:
+    raise ImportError(
+        "The Gymnasium adapter needs Gymnasium: pip install 'fetch_composer[gymnasium]'."
+    ) from error
 
 from fetch_composer import suite, tasks
 from fetch_composer.batch import BatchEnvironment
-from fetch_composer.entities import arena
 
 NAMESPACE = 'fetch_composer'
 _VERSIONS = {'v2': 'documented', 'v4': 'gymnasium'}

@@ -210,7 +210,9 @@ class GoalTask(composer.Task):
         return Start(block_position, goal)
 
     def sample_start(
-        self, random_state: np.random.RandomState, given: Start = Start()  # noqa: B008
+        self,
+        random_state: np.random.RandomState,
+        given: Start = Start(),  # noqa: B008
     ) -> Start:
         """Draws where an episode starts and what its goal is.
 
