@@ -12,7 +12,8 @@ from dm_env import specs
 
 from fetch_composer import tasks
 from fetch_composer.environment import Environment, SeededRandomState
-from fetch_composer.tasks import goal_task, observation, rewards
+from fetch_composer.tasks import actions as actions_lib
+from fetch_composer.tasks import goal_task, observation, rewards, starts
 
 
 class BatchEnvironment:
@@ -56,6 +57,11 @@ class BatchEnvironment:
                 f'num_threads ({num_threads}) must not exceed num_envs ({num_envs}): '
                 'a thread without an environment has nothing to do.'
             )
+        if set(self._task.task_observables) != {'observation', 'achieved_goal', 'desired_goal'}:
+            raise ValueError(
+                "A batch renders no pictures: use observation_mode='features', or single "
+                'environments.'
+            )
         # The single environment compiles the model and has the specs.
         self._task = tasks.make(task, **task_kwargs)
         self._single = Environment(self._task, random_state=0)
@@ -75,6 +81,9 @@ class BatchEnvironment:
         self._mocap_position = sims.bind('mocap_pos')[:, addresses.mocap]
         self._mocap_quaternion = sims.bind('mocap_quat')[:, addresses.mocap]
         self._control = sims.bind('ctrl')
+        # What varies in each environment; nothing is seen of the rest, for want of pictures.
+        varied = self._task.variations.fields(physical_only=True)
+        self._fields = {name: sims.expand(name) for name in varied}
         self._gripper_position = sims.bind('xpos')[:, addresses.gripper_link]
         self._gripper_quaternion = sims.bind('xquat')[:, addresses.gripper_link]
         self._observer = observation.BatchObserver(
@@ -134,7 +143,7 @@ class BatchEnvironment:
         """
         return self.start_episodes(self.check_starts(block_position, goal))
 
-    def check_starts(self, block_position=None, goal=None) -> list[goal_task.Start]:
+    def check_starts(self, block_position=None, goal=None) -> list[starts.Start]:
         """Returns the given places for each environment; see `reset`."""
         return [
             self._task.check_start(*each)
@@ -145,7 +154,7 @@ class BatchEnvironment:
             )
         ]
 
-    def start_episodes(self, given: Sequence[goal_task.Start]) -> dm_env.TimeStep:
+    def start_episodes(self, given: Sequence[starts.Start]) -> dm_env.TimeStep:
         """Starts a new episode in every environment from what `check_starts` returned."""
         self._start_episodes(np.arange(self._num_envs), given)
         return self._time_step(np.full(self._num_envs, dm_env.StepType.FIRST))
@@ -162,24 +171,32 @@ class BatchEnvironment:
             )
         return list(np.broadcast_to(array, (self._num_envs, size)))
 
-    def _start_episodes(self, ids: np.ndarray, given: Sequence[goal_task.Start]) -> None:
-        starts = [
+    def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
+        drawn = [
             self._task.sample_start(self._random_states[i], each)
             for i, each in zip(ids, given, strict=True)
         ]
-        rest = self._task.rest_state
+        states = [self._task.start_state(start) for start in drawn]
+        self._vary(ids, drawn)
         self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[ids] = rest.qpos
-        self._qvel[ids] = rest.qvel
-        self._mocap_position[ids] = rest.mocap_position
-        self._mocap_quaternion[ids] = rest.mocap_quaternion
-        if self._addresses.object_site is not None:
-            xy = self._addresses.object_qpos.start + np.arange(2)
-            self._qpos[ids[:, np.newaxis], xy] = [start.block_position for start in starts]
+        self._qpos[ids] = [state.qpos for state in states]
+        self._qvel[ids] = [state.qvel for state in states]
+        self._mocap_position[ids] = [state.mocap_position for state in states]
+        self._mocap_quaternion[ids] = [state.mocap_quaternion for state in states]
         self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_VEL)
-        self._goals[ids] = [start.goal for start in starts]
+        self._goals[ids] = [start.goal for start in drawn]
         self._steps_taken[ids] = 0
         self._reset_next_step[ids] = False
+
+    def _vary(self, ids: np.ndarray, drawn: Sequence[starts.Start]) -> None:
+        """Gives environments the physics that was drawn for them."""
+        if not self._fields:
+            return
+        for i, start in zip(ids, drawn, strict=True):
+            physical = self._task.variations.physical(start.variations)
+            self._task.variations.write(physical, lambda name, i=i: self._fields[name][i])
+        if self._task.variations.need_set_const:
+            self._sims.set_const(ids)
 
     def step(self, actions) -> dm_env.TimeStep:
         """Advances every environment by one control step.
@@ -195,12 +212,12 @@ class BatchEnvironment:
             ValueError: if an action is not valid; no environment has moved.
             PhysicsError: if the physics of an environment diverges; the message names which.
         """
-        actions = goal_task.clip_action(actions, (self._num_envs,))
+        actions = actions_lib.clip(actions, (self._num_envs,))
         finished = self._reset_next_step
         if finished.any():
             ids = np.flatnonzero(finished)
             running = np.flatnonzero(~finished)
-            self._start_episodes(ids, [goal_task.Start()] * len(ids))
+            self._start_episodes(ids, [starts.Start()] * len(ids))
             if len(running):
                 self._advance(actions, running)
             first = np.zeros(self._num_envs, dtype=bool)
@@ -220,10 +237,12 @@ class BatchEnvironment:
     def _advance(self, actions: np.ndarray, ids: np.ndarray | None) -> None:
         """Advances some environments; None for all, which needs no copies."""
         rows = slice(None) if ids is None else ids
-        displacement = actions[rows, :3] * goal_task.METRES_PER_UNIT
+        displacement = actions[rows, :3] * actions_lib.METRES_PER_UNIT
         self._mocap_position[rows] = self._gripper_position[rows] + displacement
         if self._task.convention.additive_rotation:
-            self._mocap_quaternion[rows] = self._gripper_quaternion[rows] + goal_task.ADDED_ROTATION
+            self._mocap_quaternion[rows] = (
+                self._gripper_quaternion[rows] + actions_lib.ADDED_ROTATION
+            )
         if not self._task.locked_gripper:
             fingers = self._qpos[rows][:, self._addresses.finger_qpos]
             self._control[rows] = fingers + actions[rows, 3:]

@@ -29,16 +29,21 @@ _FRAMES_PER_SECOND = 25
 _RESET_OPTIONS = ('block_position', 'goal')
 
 
+def _space(spec) -> spaces.Box:
+    """Returns the space of one observation: pictures are bytes, all else is unbounded."""
+    if spec.dtype == np.uint8:
+        return spaces.Box(0, 255, spec.shape, np.uint8)
+    if np.issubdtype(spec.dtype, np.integer):
+        return spaces.Box(
+            np.iinfo(spec.dtype).min, np.iinfo(spec.dtype).max, spec.shape, spec.dtype
+        )
+    return spaces.Box(-np.inf, np.inf, spec.shape, spec.dtype.type)
+
+
 def _spaces(action_spec, observation_spec) -> tuple[spaces.Box, spaces.Dict]:
     """Returns action and observation space of one environment."""
     action_space = spaces.Box(-1.0, 1.0, action_spec.shape, np.float32)
-    observation_space = spaces.Dict(
-        {
-            name: spaces.Box(-np.inf, np.inf, spec.shape, np.float64)
-            for name, spec in observation_spec.items()
-        }
-    )
-    return action_space, observation_space
+    return action_space, spaces.Dict({k: _space(spec) for k, spec in observation_spec.items()})
 
 
 def _check_options(options: dict[str, Any] | None) -> dict[str, Any]:

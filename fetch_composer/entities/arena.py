@@ -17,6 +17,15 @@ _CAMERAS = {
 CAMERAS = tuple(_CAMERAS)
 
 
+_LIGHT_POSITION = (2.6, 0.0, 3.2)  # m
+_LIGHT_AIM = (1.1, 0.75, 0.4)  # m
+
+
+def aim(position: Sequence[float]) -> tuple[float, ...]:
+    """Returns the direction in which a light at `position` (m) shines on the table."""
+    return tuple(b - a for a, b in zip(position, _LIGHT_AIM, strict=True))
+
+
 def _look_at(position: Sequence[float], point: Sequence[float]) -> tuple[float, ...]:
     """Returns MuJoCo's `xyaxes` of an upright camera at `position` that sees `point`."""
     forward = [b - a for a, b in zip(position, point, strict=True)]
@@ -99,9 +108,10 @@ class Arena(composer.Arena):
         self._light = self.mjcf_model.worldbody.add(
             'light',
             name='key',
-            pos=(2.4, 0.2, 3.0),
-            dir=(-0.42, 0.18, -1),
-            directional=True,
+            pos=_LIGHT_POSITION,
+            dir=aim(_LIGHT_POSITION),
+            cutoff=60,
+            exponent=1,
             castshadow=True,
             diffuse=(0.5, 0.49, 0.47),
             specular=(0.3, 0.3, 0.3),

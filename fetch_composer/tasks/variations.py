@@ -1,0 +1,194 @@
+"""What may differ from episode to episode, each drawn from a distribution of its own.
+
+A variation is a constant, or anything that `dm_control.composer.variation` calls a variation,
+such as `distributions.Uniform(low, high)`. All of them are written into the compiled model, so
+that no episode costs a compilation.
+"""
+
+from collections.abc import Callable, Mapping
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from dm_control.composer import variation
+
+from fetch_composer.entities import arena
+from fetch_composer.tasks.scene import Scene
+
+# Name: (sizes of a drawn value, what it is).
+DESCRIPTIONS = {
+    'block_size': ((1, 2, 3), "the object's size in m, as MuJoCo has it, or one number for all"),
+    'block_mass': ((1,), "the object's mass in kg"),
+    'friction': ((1,), 'sliding coefficient between the object and the table'),
+    'block_color': ((3, 4), "the object's colour, RGB or RGBA in [0, 1]"),
+    'light_position': ((3,), 'position in m of the light, which shines on the table'),
+    'camera_offset': ((3,), "displacement in m of the arena's cameras"),
+    'gripper_offset': ((3,), "displacement in m of the gripper's documented start"),
+}
+NAMES = tuple(DESCRIPTIONS)
+
+_PHYSICAL = frozenset({'block_size', 'block_mass', 'friction'})
+_POSITIVE = _PHYSICAL
+_NEED_OBJECT = frozenset({'block_size', 'block_mass', 'friction', 'block_color'})
+
+# Fields of the compiled model that a variation writes.
+_FIELDS = {
+    'block_size': (
+        'geom_size', 'geom_rbound', 'geom_aabb', 'bvh_aabb', 'body_mass', 'body_inertia',
+    ),
+    'block_mass': ('body_mass', 'body_inertia'),
+    'friction': ('geom_friction',),
+    'block_color': ('mat_rgba',),
+    'light_position': ('light_pos', 'light_dir'),
+    'camera_offset': ('cam_pos',),
+    'gripper_offset': (),
+}  # fmt: skip
+_NEED_SET_CONST = frozenset({'block_size', 'block_mass'})
+
+
+def _inertia(geom_type: int, size: np.ndarray, mass: float) -> np.ndarray:
+    """Returns (3,) moments of inertia in kg m² of a uniform box or cylinder."""
+    if geom_type == mujoco.mjtGeom.mjGEOM_BOX:
+        square = size**2
+        return mass / 3 * (square.sum() - square)
+    radius, half_height = size[:2]
+    across = mass * (3 * radius**2 + 4 * half_height**2) / 12
+    return np.array((across, across, mass * radius**2 / 2))
+
+
+def _bounds(geom_type: int, size: np.ndarray) -> np.ndarray:
+    """Returns (3,) half extents in m of a box or cylinder in its own frame."""
+    if geom_type == mujoco.mjtGeom.mjGEOM_BOX:
+        return size
+    return np.array((size[0], size[0], size[1]))
+
+
+class Variations:
+    """The variations of one task."""
+
+    def __init__(self, given: Mapping | None, scene: Scene, fixed_start: bool) -> None:
+        """Initializes the variations.
+
+        Args:
+            given: {name: variation}, or None for none.
+            scene: The scene that they vary.
+            fixed_start: Whether the convention leaves no choice of the gripper's start.
+
+        Raises:
+            ValueError: if a name is unknown or cannot be varied here.
+        """
+        self._given = dict(given or {})
+        self._scene = scene
+        for name in self._given:
+            if name not in DESCRIPTIONS:
+                raise ValueError(f'Unknown variation {name!r}; valid are {", ".join(NAMES)}.')
+            if name in _NEED_OBJECT and scene.block is None:
+                raise ValueError(f'{name!r} cannot vary: this task has no object.')
+        if fixed_start and 'gripper_offset' in self._given:
+            raise ValueError(
+                "'gripper_offset' cannot vary in the gymnasium convention, whose start is "
+                'settled; use the documented one.'
+            )
+
+    def __bool__(self) -> bool:
+        return bool(self._given)
+
+    def fields(self, physical_only: bool = False) -> tuple[str, ...]:
+        """Returns the names of the fields of the compiled model that are written."""
+        names = [n for n in self._given if n in _PHYSICAL or not physical_only]
+        return tuple(sorted({field for name in names for field in _FIELDS[name]}))
+
+    @property
+    def need_set_const(self) -> bool:
+        """Whether `mj_setConst` must follow, since masses vary."""
+        return not _NEED_SET_CONST.isdisjoint(self._given)
+
+    def draw(self, random_state: np.random.RandomState) -> dict[str, np.ndarray]:
+        """Returns {name: value} for one episode.
+
+        Raises:
+            ValueError: if a value has the wrong size, is not finite, or is not positive where
+                it has to be.
+        """
+        drawn = {}
+        for name, source in self._given.items():
+            value = np.asarray(
+                variation.evaluate(source, random_state=random_state), dtype=np.float64
+            )
+            sizes, description = DESCRIPTIONS[name]
+            if value.size not in sizes or not np.isfinite(value).all():
+                raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
+            if name in _POSITIVE and (value <= 0).any():
+                raise ValueError(f'{name!r} drew {value.tolist()}, but it must be positive.')
+            drawn[name] = value.reshape(-1)
+        return drawn
+
+    def physical(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Returns those of the drawn values that change how things move."""
+        return {name: value for name, value in values.items() if name in _PHYSICAL}
+
+    def compile(self, physics: mjcf.Physics) -> None:
+        """Looks up what the variations write in the compiled model."""
+        model = physics.model.ptr
+        self._light = physics.bind(self._scene.arena.light).element_id
+        self._cameras = [model.camera(name).id for name in arena.CAMERAS]
+        self._camera_positions = model.cam_pos[self._cameras].copy()
+        self._table = physics.bind(self._scene.table.geom).element_id
+        if self._scene.block is not None:
+            self._block = physics.bind(self._scene.block.geom).element_id
+            self._block_type = model.geom_type[self._block]
+            self._block_body = model.geom_bodyid[self._block]
+            self._bounding_volume = model.body_bvhadr[self._block_body]
+            self._material = model.geom_matid[self._block]
+            self._size = model.geom_size[self._block].copy()
+            self._mass = float(model.body_mass[self._block_body])
+
+    def raised(self, values: Mapping[str, np.ndarray]) -> float:
+        """Returns by how many m the object's centre rests higher than that of the usual one."""
+        if 'block_size' not in values:
+            return 0.0
+        return float(self._half_extents(values)[2] - _bounds(self._block_type, self._size)[2])
+
+    def _block_size(self, values) -> np.ndarray:
+        size, drawn = self._size.copy(), values.get('block_size')
+        used = 3 if self._block_type == mujoco.mjtGeom.mjGEOM_BOX else 2
+        if drawn is not None:
+            if drawn.size not in (1, used):
+                raise ValueError(
+                    f"'block_size' drew {drawn.tolist()}, but this object has {used} sizes."
+                )
+            size[:used] = drawn
+        return size
+
+    def _half_extents(self, values) -> np.ndarray:
+        return _bounds(self._block_type, self._block_size(values))
+
+    def write(self, values: Mapping[str, np.ndarray], field: Callable[[str], np.ndarray]) -> None:
+        """Writes drawn values into fields of a model.
+
+        Args:
+            values: What `draw` returned.
+            field: Returns the array of a model's field by name.
+        """
+        if 'block_size' in values:
+            size, half_extents = self._block_size(values), self._half_extents(values)
+            field('geom_size')[self._block] = size
+            field('geom_rbound')[self._block] = np.linalg.norm(half_extents)
+            field('geom_aabb')[self._block][3:] = half_extents
+            field('bvh_aabb')[self._bounding_volume][3:] = half_extents
+        if 'block_size' in values or 'block_mass' in values:
+            mass = float(values['block_mass'][0]) if 'block_mass' in values else self._mass
+            field('body_mass')[self._block_body] = mass
+            inertia = _inertia(self._block_type, self._block_size(values), mass)
+            field('body_inertia')[self._block_body] = inertia
+        if 'friction' in values:
+            field('geom_friction')[[self._block, self._table], 0] = values['friction']
+        if 'block_color' in values:
+            colour = values['block_color']
+            field('mat_rgba')[self._material][: colour.size] = colour
+        if 'light_position' in values:
+            direction = np.array(arena.aim(values['light_position']))
+            field('light_pos')[self._light] = values['light_position']
+            field('light_dir')[self._light] = direction / np.linalg.norm(direction)
+        if 'camera_offset' in values:
+            field('cam_pos')[self._cameras] = self._camera_positions + values['camera_offset']
