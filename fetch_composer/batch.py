@@ -57,13 +57,13 @@ class BatchEnvironment:
                 f'num_threads ({num_threads}) must not exceed num_envs ({num_envs}): '
                 'a thread without an environment has nothing to do.'
             )
+        self._task = tasks.make(task, **task_kwargs)
         if set(self._task.task_observables) != {'observation', 'achieved_goal', 'desired_goal'}:
             raise ValueError(
                 "A batch renders no pictures: use observation_mode='features', or single "
                 'environments.'
             )
         # The single environment compiles the model and has the specs.
-        self._task = tasks.make(task, **task_kwargs)
         self._single = Environment(self._task, random_state=0)
         self._addresses = self._task.addresses
         model = self._single.physics.model.ptr
@@ -194,7 +194,8 @@ class BatchEnvironment:
             return
         for i, start in zip(ids, drawn, strict=True):
             physical = self._task.variations.physical(start.variations)
-            self._task.variations.write(physical, lambda name, i=i: self._fields[name][i])
+            row = {name: field[i] for name, field in self._fields.items()}
+            self._task.variations.write(physical, row.__getitem__)
         if self._task.variations.need_set_const:
             self._sims.set_const(ids)
 

@@ -134,6 +134,6 @@ class Environment(composer.Environment):
         observation = collections.OrderedDict(
             (name, np.array(observe())) for name, observe in self._observers
         )
-        self._reset_next_step = last
+        self._reset_next_step = bool(last)
         step_type = dm_env.StepType.LAST if last else dm_env.StepType.MID
         return dm_env.TimeStep(step_type, reward, discount, observation)

@@ -120,7 +120,7 @@ class FetchEnv(_GoalFunctions, gymnasium.Env, gymnasium.utils.EzPickle):
             )
         # Truncation is up to Gymnasium's own wrapper, so that `gym.make` can change it.
         task_kwargs.setdefault('max_episode_steps', None)
-        self._env = suite.load(suite.DOMAIN, task, task_kwargs)
+        self._env: Any = suite.load(suite.DOMAIN, task, task_kwargs)
         self._reward_type = self._env.task.reward_type
         self.action_space, self.observation_space = _spaces(
             self._env.action_spec(), self._env.observation_spec()
@@ -128,7 +128,7 @@ class FetchEnv(_GoalFunctions, gymnasium.Env, gymnasium.utils.EzPickle):
         self.render_mode = render_mode
         self._size = {'height': height, 'width': width}
         self._camera = self._checked_camera(camera_name)
-        self._viewer = None
+        self._viewer: Any = None
 
     def _checked_camera(self, name: str) -> str:
         model = self._env.physics.model

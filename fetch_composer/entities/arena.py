@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
 from dm_control import composer
 
 from fetch_composer.entities import contacts
@@ -21,9 +23,9 @@ _LIGHT_POSITION = (2.6, 0.0, 3.2)  # m
 _LIGHT_AIM = (1.1, 0.75, 0.4)  # m
 
 
-def aim(position: Sequence[float]) -> tuple[float, ...]:
-    """Returns the direction in which a light at `position` (m) shines on the table."""
-    return tuple(b - a for a, b in zip(position, _LIGHT_AIM, strict=True))
+def aim(position: npt.ArrayLike) -> np.ndarray:
+    """Returns (3,) the direction in which a light at `position` (m) shines on the table."""
+    return np.subtract(_LIGHT_AIM, position)
 
 
 def _look_at(position: Sequence[float], point: Sequence[float]) -> tuple[float, ...]:

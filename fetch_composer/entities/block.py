@@ -77,6 +77,11 @@ class Block(composer.Entity):
         return self._site
 
     @property
+    def half_height(self) -> float:
+        """Half of the upright block's height in m."""
+        return self._geom.size[1 if self._geom.type == 'cylinder' else 2]
+
+    @property
     def quaternion(self) -> np.ndarray:
         """(4,) orientation (w, x, y, z) at which an episode starts the block's frame."""
         return self._quaternion

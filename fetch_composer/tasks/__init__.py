@@ -4,7 +4,7 @@ from fetch_composer.tasks.goal_task import MAX_EPISODE_STEPS, GoalTask
 from fetch_composer.tasks.pick_and_place import PickAndPlace
 from fetch_composer.tasks.push import Push
 from fetch_composer.tasks.reach import Reach
-from fetch_composer.tasks.registry import ALL, make
+from fetch_composer.tasks.registry import ALL, make, register
 from fetch_composer.tasks.rewards import compute_reward, is_success
 from fetch_composer.tasks.slide import Slide
 
@@ -19,4 +19,5 @@ __all__ = (
     'compute_reward',
     'is_success',
     'make',
+    'register',
 )

@@ -107,24 +107,36 @@ class SettledState:
     object_qvel: np.ndarray | None
 
 
+def _figures() -> dict:
+    folder = importlib.resources.files('fetch_composer.tasks')
+    return json.loads(folder.joinpath('settled_states.json').read_text())
+
+
+_FIGURES = _figures()
+SETTLED_TASKS = tuple(sorted(set(_FIGURES) - {'source', 'joints'}))
+
+
 @functools.cache
 def settled_state(task_name: str) -> SettledState:
-    """Returns the settled state of a task; see settled_states.json for its source."""
-    text = (
-        importlib.resources.files('fetch_composer.tasks')
-        .joinpath('settled_states.json')
-        .read_text()
-    )
-    figures = json.loads(text)
-    state = figures[task_name]
+    """Returns the settled state of a task; see settled_states.json for its source.
+
+    Raises:
+        ValueError: if the peer has no such task; the message lists those that it has.
+    """
+    if task_name not in SETTLED_TASKS:
+        raise ValueError(
+            f'The task {task_name!r} has no gymnasium convention; only '
+            f'{", ".join(SETTLED_TASKS)} have.'
+        )
+    state = _FIGURES[task_name]
 
     def array_or_none(key):
         return np.array(state[key]) if key in state else None
 
     return SettledState(
         grip_position=np.array(state['grip_position']),
-        qpos=dict(zip(figures['joints'], state['qpos'], strict=True)),
-        qvel=dict(zip(figures['joints'], state['qvel'], strict=True)),
+        qpos=dict(zip(_FIGURES['joints'], state['qpos'], strict=True)),
+        qvel=dict(zip(_FIGURES['joints'], state['qvel'], strict=True)),
         object_height=state.get('object_height'),
         object_qpos=array_or_none('object_qpos'),
         object_qvel=array_or_none('object_qvel'),

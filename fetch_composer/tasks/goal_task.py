@@ -135,7 +135,11 @@ class GoalTask(composer.Task):
     @property
     def object_height(self) -> float | None:
         """Height in m at which the centre of the object rests on the table; None without one."""
-        return conventions.settled_state(self.name).object_height
+        if self.scene.block is None:
+            return None
+        if self.name in conventions.SETTLED_TASKS:
+            return conventions.settled_state(self.name).object_height
+        return self.workspace.table_top + self.scene.block.half_height
 
     def set_next_episode(
         self,

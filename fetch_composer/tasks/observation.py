@@ -16,7 +16,7 @@ control timestep, so that they are in m or rad per control step.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import mujoco.batch
@@ -73,8 +73,8 @@ class GoalObserver:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         grip_site: int,
-        finger_qpos: Sequence[int],
-        finger_qvel: Sequence[int],
+        finger_qpos: Iterable[int],
+        finger_qvel: Iterable[int],
         object_site: int | None,
         control_timestep: float,
         block_minus_gripper: bool,
@@ -161,7 +161,7 @@ class _SiteMotion:
 
     def __init__(self, model: mujoco.MjModel, sims: mujoco.batch.Batch, site: int) -> None:
         body = model.site_bodyid[site]
-        moving = []
+        moving: list[int] = []
         while body:
             first, count = model.body_dofadr[body], model.body_dofnum[body]
             moving = [*range(first, first + count), *moving]
@@ -189,8 +189,8 @@ class BatchObserver:
         model: mujoco.MjModel,
         sims: mujoco.batch.Batch,
         grip_site: int,
-        finger_qpos: Sequence[int],
-        finger_qvel: Sequence[int],
+        finger_qpos: Iterable[int],
+        finger_qvel: Iterable[int],
         object_site: int | None,
         control_timestep: float,
         block_minus_gripper: bool,

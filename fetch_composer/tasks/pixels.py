@@ -76,7 +76,7 @@ def observables(
     for name in chosen.cameras:
         if name not in elements:
             raise ValueError(f'Unknown camera {name!r}; valid are {", ".join(elements)}.')
-        kinds = {'rgb': {}}
+        kinds: dict[str, dict] = {'rgb': {}}
         if chosen.depth:
             kinds['depth'] = {'depth': True}
         if chosen.segmentation:

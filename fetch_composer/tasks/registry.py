@@ -20,6 +20,17 @@ ALL = tuple(sorted(TASKS))
 _FIXED_BY_TASK = frozenset({'self', 'name', 'workspace', 'block', 'locked_gripper', 'options'})
 
 
+def register(task_name: str, task_class: type[GoalTask]) -> None:
+    """Makes a task of one's own known by name to `load`, the batch and Gymnasium's adapter.
+
+    Raises:
+        ValueError: if the name is taken.
+    """
+    if task_name in TASKS:
+        raise ValueError(f'The name {task_name!r} is taken by {TASKS[task_name].__name__}.')
+    TASKS[task_name] = task_class
+
+
 def options(task_name: str) -> tuple[str, ...]:
     """Returns the names of the options that a task takes."""
     names = set(inspect.signature(TASKS[task_name].__init__).parameters)
@@ -38,7 +49,7 @@ def make(task_name: str, **task_kwargs) -> GoalTask:
         ValueError: if a name, an option or its value is not valid; the message lists what is.
     """
     if task_name not in TASKS:
-        raise ValueError(f'Unknown task {task_name!r}; valid are {", ".join(ALL)}.')
+        raise ValueError(f'Unknown task {task_name!r}; valid are {", ".join(sorted(TASKS))}.')
     valid = options(task_name)
     unknown = sorted(set(task_kwargs) - set(valid))
     if unknown:

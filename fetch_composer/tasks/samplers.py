@@ -4,9 +4,8 @@ Each sampler is a `composer.variation.Variation`, so that it can be drawn from, 
 replaced like any other. They draw the very numbers that Gymnasium-Robotics draws, in its order.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
+import numpy.typing as npt
 from dm_control.composer import variation
 
 _MAX_REJECTIONS = 1000
@@ -15,7 +14,7 @@ _MAX_REJECTIONS = 1000
 class OffsetBeyond(variation.Variation):
     """A point near a centre, but not nearer than a clearance, in the plane of the table."""
 
-    def __init__(self, centre: Sequence[float], half_range: float, clearance: float) -> None:
+    def __init__(self, centre: npt.ArrayLike, half_range: float, clearance: float) -> None:
         """Initializes the sampler.
 
         Args:
@@ -31,7 +30,7 @@ class OffsetBeyond(variation.Variation):
                 f'No offset within ±{half_range} m is longer than the clearance of {clearance} m; '
                 'lower the clearance or widen the range.'
             )
-        self._centre = np.array(centre[:2], dtype=np.float64)
+        self._centre = np.array(centre, dtype=np.float64)[:2]
         self._half_range = half_range
         self._clearance = clearance
 
@@ -54,7 +53,7 @@ class GoalAround(variation.Variation):
 
     def __init__(
         self,
-        centre: Sequence[float],
+        centre: npt.ArrayLike,
         half_range: float,
         height: float | None = None,
         air_probability: float = 0.0,

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from dm_control import mjcf
 
 from fetch_composer import entities
 from fetch_composer.tasks import conventions
@@ -30,6 +31,11 @@ class Workspace:
     table_position: tuple[float, float, float]
     table_half_size: tuple[float, float, float]
     table_friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
+
+    @property
+    def table_top(self) -> float:
+        """Height of the table's surface in m."""
+        return self.table_position[2] + self.table_half_size[2]
 
     def check_block_position(self, position: Sequence[float]) -> np.ndarray:
         """Returns (2,) x and y as an array.
@@ -114,3 +120,14 @@ class Scene:
         self.block_joint = None
         if block is not None:
             self.block_joint = block.attach_to(self.arena)
+
+        self.props: list[tuple[entities.Block, mjcf.Element, Sequence[float]]] = []
+
+    def add_prop(self, prop: entities.Block, position: Sequence[float]) -> None:
+        """Adds a further free body, which every episode starts at a position.
+
+        Args:
+            prop: The body.
+            position: (3,) position of its centre in m.
+        """
+        self.props.append((prop, prop.attach_to(self.arena), position))

@@ -69,6 +69,9 @@ def documented_state(
         block_qpos = qpos[addresses.object_qpos]
         block_qpos[2] = object_height
         block_qpos[3:] = scene.block.quaternion
+    for prop, joint, position in scene.props:
+        address = model.jnt_qposadr[physics.bind(joint).element_id]
+        qpos[address : address + 7] = (*position, *prop.quaternion)
     return StartState(
         qpos=qpos,
         qvel=np.zeros(model.nv),

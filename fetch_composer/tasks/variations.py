@@ -187,7 +187,7 @@ class Variations:
             colour = values['block_color']
             field('mat_rgba')[self._material][: colour.size] = colour
         if 'light_position' in values:
-            direction = np.array(arena.aim(values['light_position']))
+            direction = arena.aim(values['light_position'])
             field('light_pos')[self._light] = values['light_position']
             field('light_dir')[self._light] = direction / np.linalg.norm(direction)
         if 'camera_offset' in values:
