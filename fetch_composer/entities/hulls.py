@@ -1,0 +1,242 @@
+"""Convex hulls of the Fetch's links, built from measured radii, lengths and outlines.
+
+Every hull is given in the frame of its link, in m. A link of the arm is the hull of two turned
+parts, one about the axis of its roll and one about the axis of its bend; its ends are bevelled.
+The trunk is the hull of outlines at several heights.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+# Rim of a bent joint's housing: (inset from its face along the axis, inset from its radius).
+_HOUSING_RIM = ((0.0125, 0.0), (0.0077, 0.0023), (0.0017, 0.0049), (0.0008, 0.0056),
+                (0.0002, 0.0065), (0.0, 0.0076))  # fmt: skip
+# The same where an arm's segment ends.
+_COLLAR_RIM = ((0.0025, 0.0), (0.002, 0.0005), (0.0, 0.0035))
+
+
+def _turned(
+    axis: str,
+    profile: Sequence[tuple[float, float]],
+    centre: Sequence[float] = (0.0, 0.0, 0.0),
+    sides: int = 60,
+) -> np.ndarray:
+    """Returns (n, 3) points of a body turned about a line parallel to `axis` through `centre`.
+
+    Args:
+        axis: 'x' or 'y'.
+        profile: (Position along the axis, radius) of each of its rings.
+        centre: A point of the line.
+        sides: Of each ring, the first two of which meet on the x axis or, about x, the y axis.
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    points = []
+    for along, radius in profile:
+        across = (radius * np.cos(angle), radius * np.sin(angle))
+        along = np.full(sides, along)
+        ring = (along, *across) if axis == 'x' else (across[0], along, across[1])
+        points.append(np.stack(ring, axis=1))
+    return np.concatenate(points) + np.array(centre)
+
+
+def _rim(face: float, radius: float, rim: Sequence[tuple[float, float]]):
+    """Returns the profile of a bevelled end whose face is at `face`, on the side of its sign."""
+    return tuple((face - np.sign(face) * along, radius - inset) for along, inset in rim)
+
+
+def _mirrored(
+    level: float, half: Sequence[tuple[float, float]], axis: str = 'z'
+) -> np.ndarray:
+    """Returns (n, 3) points of an outline that is symmetric in y.
+
+    Args:
+        level: Where it cuts `axis`.
+        half: Its half with y >= 0: (x, y) if it cuts z, (y, z) if it cuts x.
+        axis: 'x' or 'z'.
+    """
+    half = np.array(half)
+    if axis == 'z':
+        right = np.column_stack((half, np.full(len(half), level)))
+    else:
+        right = np.column_stack((np.full(len(half), level), half))
+    return np.concatenate((right, right * (1, -1, 1)))
+
+
+def _shoulder_lift() -> np.ndarray:
+    collar = _turned('x', ((0.12, 0.052), *_rim(0.172, 0.052, _COLLAR_RIM)[:2], (0.172, 0.0475)))
+    housing = ((-0.001, 0.0595), (-0.0005, 0.06), *_rim(0.0705, 0.06, _HOUSING_RIM))
+    return np.concatenate((collar, _turned('y', housing, sides=30)))
+
+
+def _upperarm_roll() -> np.ndarray:
+    collar = ((-0.048, 0.052), (0.0012, 0.052), (0.0051, 0.0515))
+    housing = ((0.0035, 0.048), (-0.0005, 0.052), *_rim(-0.0705, 0.052, _HOUSING_RIM))
+    return np.concatenate((_turned('x', collar, sides=38), _turned('y', housing, (0.133, 0, 0))))
+
+
+def _elbow_flex() -> np.ndarray:
+    collar = ((0.1106, 0.052), *_rim(0.166, 0.052, _COLLAR_RIM))
+    housing = ((0.0015, 0.0517), (0.002, 0.052), *_rim(0.0705, 0.052, _HOUSING_RIM))
+    return np.concatenate((_turned('x', collar, sides=58), _turned('y', housing, sides=30)))
+
+
+def _forearm_roll() -> np.ndarray:
+    collar = ((-0.032, 0.052), (-0.003, 0.052), (0.0058, 0.0515), (0.0091, 0.0502))
+    housing = ((-0.0535, 0.0517), (-0.054, 0.052), *_rim(-0.087, 0.052, _HOUSING_RIM))
+    cable = [(x, y, side * z) for x, y, z in ((0.0268, -0.0703, 0.0276), (0.0319, -0.0739, 0.0005),
+                                              (0.0282, -0.0727, 0.0005), (0.03, -0.0724, 0.0252))
+             for side in (-1, 1)]  # fmt: skip
+    return np.concatenate(
+        (_turned('x', collar, sides=38), _turned('y', housing, (0.1245, 0, 0), 62), cable)
+    )
+
+
+def _wrist_flex() -> np.ndarray:
+    collar = _turned('x', ((0.06, 0.052), *_rim(0.1165, 0.052, _COLLAR_RIM)), sides=32)
+    housing = ((-0.054, 0.05), (-0.0525, 0.0515), (-0.052, 0.052),
+               *_rim(0.067, 0.052, _HOUSING_RIM))  # fmt: skip
+    return np.concatenate((collar, _turned('y', housing, sides=62)))
+
+
+def _wrist_roll() -> np.ndarray:
+    profile = ((-0.023, 0.052), (0.005, 0.052), (0.0077, 0.0512), (0.0081, 0.0509),
+               (0.0195, 0.03075))  # fmt: skip
+    return _turned('x', profile, sides=38)
+
+
+def _palm() -> np.ndarray:
+    side = ((0.0535, -0.034), (0.0572, -0.0328), (0.0591, -0.0314), (0.0612, -0.0284),
+            (0.062, -0.0254), (0.063, 0.0008), (0.0621, 0.0268), (0.0605, 0.0322),
+            (0.0566, 0.0367), (0.0511, 0.0393), (0.049, 0.0396))  # fmt: skip
+    belly = ((0.0, -0.0399), (0.0074, -0.0397), (0.0148, -0.0392), (0.0222, -0.0385))
+    outlines = {
+        -0.154: ((0.054, -0.01), (0.0542, 0.0008), (0.054, 0.01)),
+        -0.1534: ((0.0562, 0.0), (0.0536, -0.0155), (0.0536, 0.0155)),
+        -0.1522: ((0.0, -0.0378), (0.0292, -0.0355), (0.0541, -0.0275), (0.0556, -0.026),
+                  (0.0575, 0.0), (0.0559, 0.0263), (0.0538, 0.0308), (0.0496, 0.033),
+                  (0.0, 0.0376)),
+        -0.15: ((0.0, -0.0396), (0.0226, -0.0381), (0.0294, -0.0371), (0.0541, -0.0292),
+                (0.0568, -0.0267), (0.0586, 0.0008), (0.0573, 0.0263), (0.055, 0.0319),
+                (0.0499, 0.0348), (0.0181, 0.0385), (0.0, 0.0394)),
+        -0.1395: belly + side,
+        -0.0475: side,
+        -0.035: ((0.053, -0.0289), (0.0551, -0.028), (0.0566, -0.0255), (0.0581, 0.0),
+                 (0.0567, 0.0263), (0.0553, 0.0306), (0.0524, 0.0333), (0.0482, 0.0345)),
+        -0.033: ((0.053, -0.026), (0.0546, -0.022), (0.0567, 0.0), (0.0546, 0.0222),
+                 (0.0528, 0.0287)),
+        -0.032: ((0.0545, -0.01), (0.0555, 0.0), (0.0545, 0.01)),
+    }  # fmt: skip
+    return np.concatenate([_mirrored(x, half, 'x') for x, half in outlines.items()])
+
+
+def _base() -> np.ndarray:
+    front = np.radians(np.linspace(0, 57.6, 14))
+    rear = np.radians(np.linspace(120.5, 180, 15))
+    outline = np.concatenate((
+        0.2864 * np.column_stack((np.cos(front), np.sin(front))),
+        ((0.1166, 0.2578), (0.0924, 0.2618), (0.0225, 0.264), (-0.0746, 0.2628),
+         (-0.1175, 0.2579)),
+        0.2872 * np.column_stack((np.cos(rear), np.sin(rear))),
+    ))  # fmt: skip
+    # From 0.3 m up, the rear flanks are flat.
+    cut = np.concatenate((
+        outline[(outline[:, 0] > 0.02) | (outline[:, 0] < -0.225)],
+        ((-0.2266, 0.1768), (-0.2165, 0.1867), (-0.2049, 0.1929), (-0.009, 0.263),
+         (0.0051, 0.2641)),
+    ))  # fmt: skip
+    # (Height, inset along x, inset along y, outline).
+    levels = ((0.0381, 0.0046, 0.0058, outline), (0.064, 0.0013, 0.0029, outline),
+              (0.1, 0.0003, 0.0016, outline), (0.15, 0.0, 0.0005, outline),
+              (0.22, 0.0, 0.0, outline), (0.254, 0.0, 0.0, outline), (0.3153, 0.0, 0.0, cut),
+              (0.335, 0.0009, 0.0014, cut), (0.3473, 0.0038, 0.0035, cut),
+              (0.357, 0.008, 0.0085, cut), (0.3583, 0.0095, 0.0105, cut),
+              (0.3589, 0.0204, 0.0214, cut))  # fmt: skip
+    points = [_mirrored(0.0, ((-0.2145, 0.1245), (0.17, 0.1245)))]
+    for height, inset_x, inset_y, half in levels:
+        points.append(_mirrored(height, half * (1 - inset_x / 0.2868, 1 - inset_y / 0.264)))
+    return np.concatenate(points)
+
+
+def _torso_fixed() -> np.ndarray:
+    half = ((-0.0321, 0.1554), (-0.1175, 0.1554), (-0.1274, 0.1528), (-0.135, 0.1459),
+            (-0.1483, 0.1233), (-0.1593, 0.0995), (-0.1679, 0.0748), (-0.1683, 0.0724))  # fmt: skip
+    return np.concatenate((_mirrored(-0.0156, half), _mirrored(0.4403, half),
+                           _mirrored(-0.0186, ((-0.0351, 0.1554), *half[1:])),
+                           _mirrored(0.4433, ((-0.0351, 0.1554), *half[1:]))))  # fmt: skip
+
+
+def _torso_lift() -> np.ndarray:
+    rear = ((-0.1852, 0.022), (-0.1833, 0.068), (-0.1728, 0.099), (-0.1597, 0.1287),
+            (-0.1453, 0.1528), (-0.1369, 0.1615), (-0.1297, 0.1653), (-0.117, 0.1674),
+            (-0.0187, 0.1708), (-0.0012, 0.1696))  # fmt: skip
+    outlines = {
+        0.0285: ((-0.1807, 0.0752), *rear[3:], (0.019, 0.1505), (0.0405, 0.1048),
+                 (0.0436, 0.0927), (0.047, 0.0)),
+        0.0903: rear,
+        0.1827: ((0.1447, 0.0461), (0.1518, 0.036), (0.1622, 0.0151), (0.1635, 0.0)),
+        0.1988: ((0.1577, 0.0356), (0.1657, 0.0242), (0.1701, 0.0118), (0.1716, 0.0)),
+        0.2996: ((0.1534, 0.0395), (0.159, 0.0339), (0.1637, 0.0275), (0.1683, 0.0181),
+                 (0.1709, 0.0079), (0.1716, 0.0)),
+        0.4593: rear,
+        0.5: ((-0.1837, 0.012), (-0.1803, 0.0755), (-0.1712, 0.1022), (-0.1594, 0.1287),
+              (-0.142, 0.1568), (-0.1297, 0.165), (-0.1143, 0.1671), (-0.0187, 0.1707),
+              (-0.0014, 0.169)),
+        0.54: ((-0.1727, 0.074), (-0.1641, 0.0982), (-0.1531, 0.1218), (-0.1388, 0.1477),
+               (-0.1313, 0.1543), (-0.1141, 0.1596), (-0.0187, 0.1637), (-0.0011, 0.1617)),
+        0.577: ((-0.1543, 0.0715), (-0.146, 0.095), (-0.1273, 0.131), (-0.115, 0.1402),
+                (-0.1048, 0.144), (-0.0187, 0.1477), (-0.0043, 0.1458)),
+        0.5946: ((-0.1425, 0.07), (-0.138, 0.083), (-0.118, 0.124), (-0.1, 0.1335),
+                 (-0.0187, 0.1375), (-0.0065, 0.1355)),
+        0.603: ((-0.056, 0.036), (-0.0506, 0.0573), (-0.0278, 0.0863), (0.0346, 0.092),
+                (0.0579, 0.0875), (0.0863, 0.074), (0.1057, 0.0601), (0.1153, 0.0516),
+                (0.1302, 0.0198), (0.1318, 0.0)),
+    }  # fmt: skip
+    return np.concatenate([_mirrored(z, half) for z, half in outlines.items()])
+
+
+def _head_pan() -> np.ndarray:
+    face = ((0.0, 0.1), (0.0746, 0.1005), (-0.0325, 0.0895), (-0.0642, 0.0659),
+            (-0.0789, 0.0473), (-0.0868, 0.0303), (-0.0917, 0.0))  # fmt: skip
+    brow = ((0.0036, 0.1414), (-0.0163, 0.1366), (-0.0318, 0.1293), (-0.0832, 0.0921),
+            (-0.0977, 0.0765), (-0.1089, 0.0594), (-0.1175, 0.0399), (-0.1241, 0.0))  # fmt: skip
+    outlines = {
+        -0.003: face,
+        0.0041: ((0.0059, 0.1313), (0.1425, 0.1317), (0.1514, 0.13), (-0.0086, 0.1282),
+                 (-0.0419, 0.1104), (-0.0767, 0.0837), (-0.1017, 0.0505), (-0.1136, 0.0)),
+        0.0163: (*brow, (0.1619, 0.1405), (0.1696, 0.1375), (0.1778, 0.13)),
+        0.05: (*brow, (0.0013, 0.142), (0.1826, 0.1427), (0.1873, 0.1416), (0.1966, 0.13)),
+        0.066: ((0.0021, 0.1417), (0.1865, 0.1421), (0.1966, 0.13)),
+        0.1: ((-0.009, 0.1273), (0.0041, 0.1367), (0.0189, 0.1405), (0.1434, 0.1415),
+              (0.1612, 0.1405), (0.1692, 0.1375), (0.1774, 0.13)),
+        0.109: ((0.0198, 0.13), (0.0333, 0.134), (0.0526, 0.1358), (0.1425, 0.1358),
+                (0.1564, 0.1331), (0.1621, 0.13)),
+        0.113: ((0.0526, 0.1282), (0.1425, 0.1282)),
+    }  # fmt: skip
+    return np.concatenate([_mirrored(z, half) for z, half in outlines.items()])
+
+
+def _head_tilt() -> np.ndarray:
+    half = ((0.1035, 0.055), (0.1045, 0.0544), (0.105, 0.053))
+    drum = _turned('y', tuple((side * y, radius) for y, radius in half for side in (-1, 1)),
+                   sides=40)  # fmt: skip
+    brow = [(x, side * 0.103, z) for x, z in ((0.055, 0.037), (0.0542, 0.0435), (0.0528, 0.051),
+                                              (0.0516, 0.0533), (0.0495, 0.0547), (0.0479, 0.055))
+            for side in (-1, 1)]  # fmt: skip
+    return np.concatenate((drum, brow))
+
+
+HULLS = {
+    'base_link': _base(),
+    'torso_fixed_link': _torso_fixed(),
+    'torso_lift_link': _torso_lift(),
+    'head_pan_link': _head_pan(),
+    'head_tilt_link': _head_tilt(),
+    'shoulder_lift_link': _shoulder_lift(),
+    'upperarm_roll_link': _upperarm_roll(),
+    'elbow_flex_link': _elbow_flex(),
+    'forearm_roll_link': _forearm_roll(),
+    'wrist_flex_link': _wrist_flex(),
+    'wrist_roll_link': _wrist_roll(),
+    'gripper_link': _palm(),
+}
