@@ -105,29 +105,48 @@ def _wrist_roll() -> np.ndarray:
     return _turned('x', profile, sides=38)
 
 
+def _arc(centre, radii, start: float, stop: float, steps: int) -> np.ndarray:
+    """Returns (steps + 1, 2) points of an ellipse's arc between two angles in degrees."""
+    angle = np.radians(np.linspace(start, stop, steps + 1))
+    return np.array(centre) + np.column_stack((np.cos(angle), np.sin(angle))) * radii
+
+
 def _palm() -> np.ndarray:
-    side = ((0.0535, -0.034), (0.0572, -0.0328), (0.0591, -0.0314), (0.0612, -0.0284),
-            (0.062, -0.0254), (0.063, 0.0008), (0.0621, 0.0268), (0.0605, 0.0322),
-            (0.0566, 0.0367), (0.0511, 0.0393), (0.049, 0.0396))  # fmt: skip
-    belly = ((0.0, -0.0399), (0.0074, -0.0397), (0.0148, -0.0392), (0.0222, -0.0385))
-    outlines = {
-        -0.154: ((0.054, -0.01), (0.0542, 0.0008), (0.054, 0.01)),
-        -0.1534: ((0.0562, 0.0), (0.0536, -0.0155), (0.0536, 0.0155)),
-        -0.1522: ((0.0, -0.0378), (0.0292, -0.0355), (0.0541, -0.0275), (0.0556, -0.026),
-                  (0.0575, 0.0), (0.0559, 0.0263), (0.0538, 0.0308), (0.0496, 0.033),
-                  (0.0, 0.0376)),
-        -0.15: ((0.0, -0.0396), (0.0226, -0.0381), (0.0294, -0.0371), (0.0541, -0.0292),
-                (0.0568, -0.0267), (0.0586, 0.0008), (0.0573, 0.0263), (0.055, 0.0319),
-                (0.0499, 0.0348), (0.0181, 0.0385), (0.0, 0.0394)),
-        -0.1395: belly + side,
-        -0.0475: side,
-        -0.035: ((0.053, -0.0289), (0.0551, -0.028), (0.0566, -0.0255), (0.0581, 0.0),
-                 (0.0567, 0.0263), (0.0553, 0.0306), (0.0524, 0.0333), (0.0482, 0.0345)),
-        -0.033: ((0.053, -0.026), (0.0546, -0.022), (0.0567, 0.0), (0.0546, 0.0222),
-                 (0.0528, 0.0287)),
-        -0.032: ((0.0545, -0.01), (0.0555, 0.0), (0.0545, 0.01)),
-    }  # fmt: skip
-    return np.concatenate([_mirrored(x, half, 'x') for x, half in outlines.items()])
+    low_corner, low_radius = (0.0526, -0.0245), 0.0095
+    high_corner, high_radius = (0.0488, 0.0264), 0.0132
+    ridge = 0.0008  # Height at which the palm is widest.
+    belly_depth, belly_radius, belly_angle = 0.03986, 0.1755, 7.26  # An arc below the wrist.
+
+    def outline(inset: float) -> np.ndarray:
+        insets = np.array((1.1 * inset, inset))
+        return np.concatenate((
+            _arc(low_corner, low_radius - insets, -90, 0, 6),
+            ((0.063 - 0.97 * inset, ridge),),
+            _arc(high_corner, high_radius - insets, 0, 90, 6),
+        ))  # fmt: skip
+
+    # Towards the fingers: (x below, x above, inset of the outline).
+    nose = ((-0.04735, -0.04735, 0.0), (-0.04576, -0.04576, 0.0003), (-0.0353, -0.0355, 0.0049),
+            (-0.0341, -0.0343, 0.0056), (-0.0332, -0.0334, 0.007), (-0.0329, -0.0331, 0.0084))  # fmt: skip
+    # Towards the wrist: besides, the belly rises by so much.
+    heel = ((-0.1395, 0.0, 0.0), (-0.1488, 0.0044, 0.0002), (-0.1507, 0.0051, 0.0006),
+            (-0.1522, 0.0063, 0.002))  # fmt: skip
+    belly = _arc((0, belly_radius - belly_depth), belly_radius, -90, belly_angle - 90, 3)
+    crown = _arc((0, 0.0396 - 0.17), 0.17, 90, 90 - 6, 2)
+    points = []
+    for x_below, x_above, inset in nose:
+        half = outline(inset)
+        points.append(_mirrored(x_below, half[half[:, 1] <= ridge], 'x'))
+        points.append(_mirrored(x_above, half[half[:, 1] > ridge], 'x'))
+    for x, inset, rise in heel:
+        points.append(_mirrored(x, outline(inset), 'x'))
+        points.append(_mirrored(x, belly + (0, rise), 'x'))
+        points.append(_mirrored(x, crown - (0, rise), 'x'))
+    # The belly's rim is bevelled in its middle; both ends of the palm are slightly convex.
+    points.append(_mirrored(-0.13386, belly[:2] + (0, 0.00022), 'x'))
+    points.append(_mirrored(-0.0320, ((0.0, 0.0008), (0.0545, 0.0008)), 'x'))
+    points.append(_mirrored(-0.1540, ((0.054, -0.0008), (0.0542, 0.0008)), 'x'))
+    return np.concatenate(points)
 
 
 def _base() -> np.ndarray:
