@@ -23,10 +23,9 @@ ARM_JOINTS = (
     'wrist_roll_joint',
 )
 
-_TRUNK_HULLS = ('base_link', 'torso_fixed_link', 'torso_lift_link', 'head_pan_link')
+_TRUNK_HULLS = ('base_link', 'torso_fixed_link', 'torso_lift_link')
 _ARM_HULLS = (
     'shoulder_lift_link',
-    'upperarm_roll_link',
     'elbow_flex_link',
     'forearm_roll_link',
     'wrist_flex_link',
@@ -103,9 +102,6 @@ class FetchArm(base.RobotArm):
         for name in _TRUNK_HULLS:
             body = self._mjcf_root.find('body', name)
             _add_collision(body, name, **contacts.TRUNK_CONTACT)
-        # The hull is that of a level head: the head is tilted for its looks.
-        pan, tilt = (self._mjcf_root.find('body', f'head_{joint}_link') for joint in ('pan', 'tilt'))
-        _add_collision(pan, 'head_tilt_link', pos=tilt.pos, **contacts.TRUNK_CONTACT)
         for name in _ARM_HULLS:
             _add_collision(self._mjcf_root.find('body', name), name)
 

@@ -1,4 +1,4 @@
-"""Convex hulls of the Fetch's links, built from measured radii, lengths and outlines.
+"""Convex hulls of those links of the Fetch that touch things, built from measured dimensions.
 
 Every hull is given in the frame of its link, in m. A link of the arm is the hull of two turned
 parts, one about the axis of its roll and one about the axis of its bend; its ends are bevelled.
@@ -67,12 +67,6 @@ def _shoulder_lift() -> np.ndarray:
     collar = _turned('x', ((0.12, 0.052), *_rim(0.172, 0.052, _COLLAR_RIM)[:2], (0.172, 0.0475)))
     housing = ((-0.001, 0.0595), (-0.0005, 0.06), *_rim(0.0705, 0.06, _HOUSING_RIM))
     return np.concatenate((collar, _turned('y', housing, sides=30)))
-
-
-def _upperarm_roll() -> np.ndarray:
-    collar = ((-0.048, 0.052), (0.0012, 0.052), (0.0051, 0.0515))
-    housing = ((0.0035, 0.048), (-0.0005, 0.052), *_rim(-0.0705, 0.052, _HOUSING_RIM))
-    return np.concatenate((_turned('x', collar, sides=38), _turned('y', housing, (0.133, 0, 0))))
 
 
 def _elbow_flex() -> np.ndarray:
@@ -217,45 +211,11 @@ def _torso_lift() -> np.ndarray:
     return np.concatenate([*(_mirrored(z, half) for z, half in outlines.items()), flanks])
 
 
-def _head_pan() -> np.ndarray:
-    face = ((0.0, 0.1), (0.0746, 0.1005), (-0.0325, 0.0895), (-0.0642, 0.0659),
-            (-0.0789, 0.0473), (-0.0868, 0.0303), (-0.0917, 0.0))  # fmt: skip
-    brow = ((0.0036, 0.1414), (-0.0163, 0.1366), (-0.0318, 0.1293), (-0.0832, 0.0921),
-            (-0.0977, 0.0765), (-0.1089, 0.0594), (-0.1175, 0.0399), (-0.1241, 0.0))  # fmt: skip
-    outlines = {
-        -0.003: face,
-        0.0041: ((0.0059, 0.1313), (0.1425, 0.1317), (0.1514, 0.13), (-0.0086, 0.1282),
-                 (-0.0419, 0.1104), (-0.0767, 0.0837), (-0.1017, 0.0505), (-0.1136, 0.0)),
-        0.0163: (*brow, (0.1619, 0.1405), (0.1696, 0.1375), (0.1778, 0.13)),
-        0.05: (*brow, (0.0013, 0.142), (0.1826, 0.1427), (0.1873, 0.1416), (0.1966, 0.13)),
-        0.066: ((0.0021, 0.1417), (0.1865, 0.1421), (0.1966, 0.13)),
-        0.1: ((-0.009, 0.1273), (0.0041, 0.1367), (0.0189, 0.1405), (0.1434, 0.1415),
-              (0.1612, 0.1405), (0.1692, 0.1375), (0.1774, 0.13)),
-        0.109: ((0.0198, 0.13), (0.0333, 0.134), (0.0526, 0.1358), (0.1425, 0.1358),
-                (0.1564, 0.1331), (0.1621, 0.13)),
-        0.113: ((0.0526, 0.1282), (0.1425, 0.1282)),
-    }  # fmt: skip
-    return np.concatenate([_mirrored(z, half) for z, half in outlines.items()])
-
-
-def _head_tilt() -> np.ndarray:
-    half = ((0.1035, 0.055), (0.1045, 0.0544), (0.105, 0.053))
-    drum = _turned('y', tuple((side * y, radius) for y, radius in half for side in (-1, 1)),
-                   sides=40)  # fmt: skip
-    brow = [(x, side * 0.103, z) for x, z in ((0.055, 0.037), (0.0542, 0.0435), (0.0528, 0.051),
-                                              (0.0516, 0.0533), (0.0495, 0.0547), (0.0479, 0.055))
-            for side in (-1, 1)]  # fmt: skip
-    return np.concatenate((drum, brow))
-
-
 HULLS = {
     'base_link': _base(),
     'torso_fixed_link': _torso_fixed(),
     'torso_lift_link': _torso_lift(),
-    'head_pan_link': _head_pan(),
-    'head_tilt_link': _head_tilt(),
     'shoulder_lift_link': _shoulder_lift(),
-    'upperarm_roll_link': _upperarm_roll(),
     'elbow_flex_link': _elbow_flex(),
     'forearm_roll_link': _forearm_roll(),
     'wrist_flex_link': _wrist_flex(),
