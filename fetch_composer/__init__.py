@@ -1,22 +1,28 @@
 """The Fetch manipulation tasks as a dm_control Composer suite."""
 
+import importlib.util
+
 from dm_control import suite as _dm_suite
 
 from fetch_composer import suite
-from fetch_composer.suite import ALL
-from fetch_composer.tasks.rewards import compute_reward
+from fetch_composer.batch import BatchEnvironment
+from fetch_composer.environment import Environment
+from fetch_composer.tasks import ALL, compute_reward
 
-__all__ = ('ALL', 'compute_reward', 'load', 'suite')
+__all__ = ('ALL', 'BatchEnvironment', 'Environment', 'compute_reward', 'load', 'suite')
+
+__version__ = '0.1.0'
 
 
-def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs):
+def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs) -> Environment:
     """Returns an environment.
 
     Args:
         task_name: One of `ALL`.
-        seed: A non-negative integer, a `numpy.random.RandomState`, or None.
-        environment_kwargs: Options of `composer.Environment`.
-        **task_kwargs: Options of the task: `reward_type`, `max_episode_steps`, `convention`, ...
+        seed: A non-negative integer, a `numpy.random.RandomState`, or None for entropy.
+        environment_kwargs: Options of the environment (see `composer.Environment`).
+        **task_kwargs: Options of the task (see `tasks.GoalTask`): `reward_type`,
+            `max_episode_steps`, `convention`, ...
 
     Raises:
         ValueError: if a name or an option is not valid; the message lists those that are.
@@ -25,4 +31,10 @@ def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs):
     return suite.load(suite.DOMAIN, task_name, task_kwargs, environment_kwargs)
 
 
+# Makes `dm_control.suite.load('fetch', ...)` work.
 _dm_suite._DOMAINS.setdefault(suite.DOMAIN, suite)
+
+
+# Importing registers the Gymnasium ids, which is what `gymnasium.register_envs` asks for.
+if importlib.util.find_spec('gymnasium'):
+    from fetch_composer import gymnasium_env as _gymnasium_env  # noqa: F401

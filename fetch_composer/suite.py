@@ -1,6 +1,6 @@
 """The `fetch` domain: its tasks by name, loaded as dm_control's own suite loads them."""
 
-import inspect
+import functools
 
 from dm_control.utils import containers
 
@@ -11,36 +11,16 @@ DOMAIN = 'fetch'
 SUITE = containers.TaggedTasks()
 
 
-def _task_options(task_class) -> tuple[str, ...]:
-    """Returns the names of the options that a task takes."""
-    fixed_by_task = {'self', 'name', 'workspace', 'block', 'locked_gripper', 'options'}
-    names = {
-        name
-        for cls in (task_class, tasks.GoalTask)
-        for name in inspect.signature(cls.__init__).parameters
-    }
-    return tuple(sorted(names - fixed_by_task))
-
-
-def _make(task_class, random, environment_kwargs, task_kwargs) -> Environment:
-    valid = _task_options(task_class)
-    unknown = sorted(set(task_kwargs) - set(valid))
-    if unknown:
-        raise ValueError(
-            f'Unknown option {", ".join(map(repr, unknown))}; valid are '
-            f'{", ".join((*valid, "random", "environment_kwargs"))}.'
-        )
-    task = task_class(**task_kwargs)
+def _make(task_name: str, random=None, environment_kwargs=None, **task_kwargs) -> Environment:
+    task = tasks.make(task_name, **task_kwargs)
     return Environment(task, random_state=random, **(environment_kwargs or {}))
 
 
-@SUITE.add('push')
-def push(random=None, environment_kwargs=None, **task_kwargs) -> Environment:
-    """Returns the Push task."""
-    return _make(tasks.Push, random, environment_kwargs, task_kwargs)
-
-
-ALL = tuple(sorted(SUITE))
+for _task_name in tasks.ALL:
+    _factory = functools.partial(_make, _task_name)
+    functools.update_wrapper(_factory, _make)
+    _factory.__name__ = _task_name  # type: ignore[attr-defined]
+    SUITE.add('goal')(_factory)
 
 
 def load(
@@ -54,9 +34,10 @@ def load(
 
     Args:
         domain_name: 'fetch'.
-        task_name: One of `ALL`.
-        task_kwargs: Options of the task, and `random`: a seed or a `RandomState`.
-        environment_kwargs: Options of the environment.
+        task_name: One of `fetch_composer.ALL`.
+        task_kwargs: Options of the task (see `tasks.GoalTask`), and `random`: a seed or a
+            `numpy.random.RandomState`.
+        environment_kwargs: Options of the environment (see `composer.Environment`).
         visualize_reward: Whether the target changes colour while the goal is achieved.
 
     Raises:
@@ -64,8 +45,6 @@ def load(
     """
     if domain_name != DOMAIN:
         raise ValueError(f'Unknown domain {domain_name!r}; valid is {DOMAIN!r}.')
-    if task_name not in SUITE:
-        raise ValueError(f'Unknown task {task_name!r}; valid are {", ".join(ALL)}.')
-    env = SUITE[task_name](environment_kwargs=environment_kwargs, **(task_kwargs or {}))
+    env = _make(task_name, environment_kwargs=environment_kwargs, **(task_kwargs or {}))
     env.task.visualize_reward = visualize_reward
     return env

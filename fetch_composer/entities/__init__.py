@@ -2,8 +2,7 @@
 
 from fetch_composer.entities.arena import Arena
 from fetch_composer.entities.block import Block
-from fetch_composer.entities.fetch import FetchArm
-from fetch_composer.entities.fetch import FetchGripper
+from fetch_composer.entities.fetch import FetchArm, FetchGripper
 from fetch_composer.entities.mocap import Mocap
 from fetch_composer.entities.table import Table
 from fetch_composer.entities.target import Target

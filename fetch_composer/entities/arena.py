@@ -8,11 +8,11 @@ from fetch_composer.entities import contacts
 
 # Name: (position in m, point looked at in m, vertical field of view in degrees).
 _CAMERAS = {
-    'front': ((2.75, 0.75, 1.25), (1.1, 0.75, 0.55), 42),
-    'corner': ((2.35, 2.0, 1.35), (1.1, 0.75, 0.5), 45),
-    'side': ((1.2, -1.3, 1.05), (1.1, 0.75, 0.55), 45),
-    'top': ((1.32, 0.75, 1.75), (1.32, 0.7501, 0.4), 45),
-    'close': ((1.95, 1.3, 0.95), (1.33, 0.75, 0.45), 40),
+    'front': ((2.55, 0.75, 1.3), (1.05, 0.75, 0.58), 42),
+    'corner': ((2.2, 1.85, 1.25), (1.08, 0.72, 0.56), 42),
+    'side': ((1.15, -1.25, 1.05), (1.05, 0.75, 0.58), 45),
+    'top': ((1.3, 0.75, 1.75), (1.3, 0.7501, 0.4), 38),
+    'close': ((1.95, 1.35, 0.85), (1.31, 0.75, 0.45), 36),
 }
 CAMERAS = tuple(_CAMERAS)
 
@@ -60,8 +60,8 @@ class Arena(composer.Arena):
             name='sky',
             type='skybox',
             builtin='gradient',
-            rgb1=(0.82, 0.88, 0.94),
-            rgb2=(0.42, 0.52, 0.64),
+            rgb1=(0.86, 0.9, 0.94),
+            rgb2=(0.5, 0.58, 0.68),
             width=256,
             height=1536,
         )
@@ -93,17 +93,17 @@ class Arena(composer.Arena):
 
     def _add_light(self) -> None:
         headlight = self.mjcf_model.visual.headlight
-        headlight.ambient = (0.35, 0.35, 0.36)
-        headlight.diffuse = (0.35, 0.35, 0.35)
+        headlight.ambient = (0.3, 0.3, 0.31)
+        headlight.diffuse = (0.3, 0.3, 0.3)
         headlight.specular = (0.1, 0.1, 0.1)
         self._light = self.mjcf_model.worldbody.add(
             'light',
             name='key',
-            pos=(2.2, -0.4, 3.0),
-            dir=(-0.4, 0.45, -1),
+            pos=(2.4, 0.2, 3.0),
+            dir=(-0.42, 0.18, -1),
             directional=True,
             castshadow=True,
-            diffuse=(0.55, 0.54, 0.52),
+            diffuse=(0.5, 0.49, 0.47),
             specular=(0.3, 0.3, 0.3),
         )
 

@@ -22,7 +22,7 @@ class Block(composer.Entity):
         mass: float = 2.0,
         friction: Sequence[float] = (1.0, 0.005, 0.0001),
         quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
-        rgba: Sequence[float] = (0.16, 0.17, 0.2, 1.0),
+        rgba: Sequence[float] = (0.1, 0.5, 0.32, 1.0),
         name: str = 'block',
     ) -> None:
         """Builds the block.

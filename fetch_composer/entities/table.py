@@ -26,7 +26,7 @@ class Table(composer.Entity):
         self._half_size = tuple(half_size)
         self._mjcf_root = mjcf.RootElement(model=name)
         material = self._mjcf_root.asset.add(
-            'material', name='wood', rgba=(0.78, 0.68, 0.54, 1), specular=0.2, shininess=0.2
+            'material', name='wood', rgba=(0.72, 0.6, 0.45, 1), specular=0.1, shininess=0.1
         )
         self._geom = self._mjcf_root.worldbody.add(
             'geom',

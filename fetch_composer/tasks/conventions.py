@@ -110,7 +110,11 @@ class SettledState:
 @functools.cache
 def settled_state(task_name: str) -> SettledState:
     """Returns the settled state of a task; see settled_states.json for its source."""
-    text = importlib.resources.files(__package__).joinpath('settled_states.json').read_text()
+    text = (
+        importlib.resources.files('fetch_composer.tasks')
+        .joinpath('settled_states.json')
+        .read_text()
+    )
     figures = json.loads(text)
     state = figures[task_name]
 

@@ -22,7 +22,7 @@ MAX_EPISODE_STEPS = 50
 
 ACTION_SIZE = 4
 METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
-_ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
+ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
 
 # Configuration from which inverse kinematics starts, shoulder to wrist in rad: elbow up, near
 # the pose in which Gymnasium-Robotics settles.
@@ -32,21 +32,55 @@ _MAX_START_ERROR = 1e-5  # m
 
 
 @dataclasses.dataclass(frozen=True)
-class _Compiled:
-    """Ids, addresses and views in the compiled model: names are looked up once."""
+class Addresses:
+    """Where things are in the compiled model, so that names are looked up once.
 
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    observer: observation.GoalObserver
-    gripper_position: np.ndarray
-    gripper_quaternion: np.ndarray
-    mocap_position: np.ndarray
-    mocap_quaternion: np.ndarray
-    target_position: np.ndarray
+    Attributes:
+        gripper_link: Id of the body that is welded to the mocap body.
+        mocap: Index of the mocap body.
+        target: Id of the target's body.
+        grip_site: Id of the gripper's observed site.
+        object_site: Id of the object's observed site, or None.
+        arm_qpos: (7,) positions of the arm's joints in qpos.
+        finger_qpos: (2,) of the right and left finger's joint in qpos; empty if rigid.
+        finger_qvel: (2,) the same in qvel.
+        object_qpos: The object's pose in qpos; empty without one.
+        object_qvel: The object's velocity in qvel; empty without one.
+    """
+
+    gripper_link: int
+    mocap: int
+    target: int
+    grip_site: int
+    object_site: int | None
     arm_qpos: np.ndarray
     finger_qpos: np.ndarray
+    finger_qvel: np.ndarray
     object_qpos: slice
     object_qvel: slice
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """What differs between the starts of two episodes.
+
+    Attributes:
+        block_position: (2,) x and y in m at which the object starts; None without one.
+        goal: (3,) desired goal in m.
+    """
+
+    block_position: np.ndarray | None = None
+    goal: np.ndarray | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class RestState:
+    """What all starts share: (nq,) qpos, (nv,) qvel and the pose of the mocap body."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    mocap_position: np.ndarray
+    mocap_quaternion: np.ndarray
 
 
 class GoalTask(composer.Task):
@@ -99,12 +133,12 @@ class GoalTask(composer.Task):
         self._task_observables = self._build_task_observables()
 
         self._block_placer, self._goal_sampler = self._build_samplers()
-        self._every_episode = self._check_given(block_position, goal)
-        self._next_episode = _Given()
+        self._every_episode = self.check_start(block_position, goal)
+        self._next_episode = Start()
 
         self._goal = np.zeros(3)
         self._steps_taken = 0
-        self._start_configuration: np.ndarray | None = None
+        self._arm_start: np.ndarray | None = None
 
     def _build_samplers(self) -> tuple[variation.Variation | None, variation.Variation]:
         """Returns what samples the object's x and y (None without one) and the desired goal."""
@@ -112,8 +146,8 @@ class GoalTask(composer.Task):
 
     def _build_task_observables(self):
         observables = collections.OrderedDict(
-            observation=observable.Generic(lambda _: self._compiled.observer.observation()),
-            achieved_goal=observable.Generic(lambda _: self._compiled.observer.achieved_goal()),
+            observation=observable.Generic(lambda _: self._observer.observation()),
+            achieved_goal=observable.Generic(lambda _: self._observer.achieved_goal()),
             desired_goal=observable.Generic(lambda _: self._goal.copy()),
         )
         for each in observables.values():
@@ -159,73 +193,110 @@ class GoalTask(composer.Task):
         Raises:
             ValueError: if a place cannot be; the task is then unchanged.
         """
-        self._next_episode = self._check_given(block_position, goal)
+        self._next_episode = self.check_start(block_position, goal)
 
-    def _check_given(self, block_position, goal) -> '_Given':
+    def check_start(self, block_position=None, goal=None) -> Start:
+        """Returns the given places as a `Start`, with None for what is not given.
+
+        Raises:
+            ValueError: if a place cannot be.
+        """
         if block_position is not None:
             if self.scene.block is None:
                 raise ValueError(f'block_position was given, but {self.name!r} has no object.')
             block_position = self.workspace.check_block_position(block_position)
         if goal is not None:
             goal = self.workspace.check_goal(goal)
-        return _Given(block_position, goal)
+        return Start(block_position, goal)
+
+    def sample_start(
+        self,
+        random_state: np.random.RandomState,
+        given: Start = Start(),  # noqa: B008
+    ) -> Start:
+        """Draws where an episode starts and what its goal is.
+
+        Everything is drawn, given or not, so that giving one place leaves the other as it was.
+
+        Args:
+            random_state: What to draw from.
+            given: Places that override the task's own and the drawn ones.
+        """
+        drawn = Start(
+            self._block_placer and self._block_placer(random_state=random_state),
+            self._goal_sampler(random_state=random_state),
+        )
+        sources = (given, self._every_episode, drawn)
+        return Start(
+            next((s.block_position for s in sources if s.block_position is not None), None),
+            next(s.goal for s in sources if s.goal is not None),
+        )
 
     # -- Composer's hooks ----------------------------------------------------------------------
 
     def after_compile(self, physics, random_state) -> None:
         del random_state  # Unused.
-        self._compiled = self._resolve(physics)
-        if not self.convention.settled_start and self._start_configuration is None:
-            self._start_configuration = self._solve_start(physics)
+        model, data = physics.model.ptr, physics.data.ptr
+        self._model, self._data = model, data
+        self.addresses = addresses = self._resolve(physics)
+        self._gripper_position = data.xpos[addresses.gripper_link]
+        self._gripper_quaternion = data.xquat[addresses.gripper_link]
+        self._mocap_position = data.mocap_pos[addresses.mocap]
+        self._mocap_quaternion = data.mocap_quat[addresses.mocap]
+        self._observer = observation.GoalObserver(
+            model,
+            data,
+            grip_site=addresses.grip_site,
+            finger_qpos=addresses.finger_qpos,
+            finger_qvel=addresses.finger_qvel,
+            object_site=addresses.object_site,
+            control_timestep=CONTROL_TIMESTEP,
+            block_minus_gripper=self.convention.block_minus_gripper,
+        )
+        if self.convention.settled_start:
+            self.rest_state = self._settled_state()
+        else:
+            self.rest_state = self._documented_state(physics)
 
     def initialize_episode(self, physics, random_state) -> None:
-        del physics  # Written to through the compiled views.
+        del physics  # Written to through views.
+        start = self.sample_start(random_state, self._next_episode)
+        self._next_episode = Start()
         self._steps_taken = 0
-        given, self._next_episode = self._next_episode, _Given()
-        # Everything is drawn whether given or not, so that giving one leaves the other as it was.
-        block_position = None
-        if self._block_placer is not None:
-            block_position = self._block_placer(random_state=random_state)
-        self._goal = self._goal_sampler(random_state=random_state)
-        for source in (self._every_episode, given):
-            if source.block_position is not None:
-                block_position = source.block_position
-            if source.goal is not None:
-                self._goal = source.goal.copy()
-
-        if self.convention.settled_start:
-            self._start_settled()
-        else:
-            self._start_at_rest()
-        if block_position is not None:
-            self._compiled.data.qpos[self._compiled.object_qpos][:2] = block_position
-        self._compiled.target_position[:] = self._goal
+        self._goal = np.array(start.goal)
+        self._data.qpos[:] = self.rest_state.qpos
+        self._data.qvel[:] = self.rest_state.qvel
+        if start.block_position is not None:
+            self._data.qpos[self.addresses.object_qpos][:2] = start.block_position
+        self._mocap_position[:] = self.rest_state.mocap_position
+        self._mocap_quaternion[:] = self.rest_state.mocap_quaternion
+        self._model.body_pos[self.addresses.target] = self._goal
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.
         action = clip_action(action)
         self._steps_taken += 1
-        compiled = self._compiled
-        compiled.mocap_position[:] = compiled.gripper_position + action[:3] * METRES_PER_UNIT
+        self._mocap_position[:] = self._gripper_position + action[:3] * METRES_PER_UNIT
         if self.convention.additive_rotation:
-            compiled.mocap_quaternion[:] = compiled.gripper_quaternion + _ADDED_ROTATION
+            self._mocap_quaternion[:] = self._gripper_quaternion + ADDED_ROTATION
         if not self.locked_gripper:
-            compiled.data.ctrl[:] = compiled.data.qpos[compiled.finger_qpos] + action[3]
+            self._data.ctrl[:] = self._data.qpos[self.addresses.finger_qpos] + action[3]
 
     def after_step(self, physics, random_state) -> None:
         del physics, random_state  # Unused.
-        compiled = self._compiled
-        if self.locked_gripper and not self.convention.rigid_lock:
-            compiled.data.qpos[compiled.finger_qpos] = 0
-            mujoco.mj_forward(compiled.model, compiled.data)
-        elif not self.locked_gripper and not self.convention.refresh_unlocked:
-            return
-        else:
+        if self.locked_gripper:
+            self._data.qpos[self.addresses.finger_qpos] = 0
+        if self.observes_current_state:
             # `mj_step` leaves positions and velocities one substep behind the state.
-            mujoco.mj_kinematics(compiled.model, compiled.data)
-            mujoco.mj_comPos(compiled.model, compiled.data)
-            mujoco.mj_comVel(compiled.model, compiled.data)
-            mujoco.mj_camlight(compiled.model, compiled.data)
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_comPos(self._model, self._data)
+            mujoco.mj_comVel(self._model, self._data)
+            mujoco.mj_camlight(self._model, self._data)
+
+    @property
+    def observes_current_state(self) -> bool:
+        """Whether positions are observed at the state, or one substep late as the peer does."""
+        return self.locked_gripper or self.convention.refresh_unlocked
 
     def action_spec(self, physics) -> specs.BoundedArray:
         del physics  # Unused.
@@ -244,12 +315,12 @@ class GoalTask(composer.Task):
 
     def get_reward(self, physics) -> float:
         del physics  # Unused.
-        achieved_goal = self._compiled.observer.achieved_goal()
+        achieved_goal = self._observer.achieved_goal()
         return float(rewards.compute_reward(achieved_goal, self._goal, self.reward_type))
 
     def is_success(self) -> bool:
         """Returns whether the goal is achieved now: whether it is less than 0.05 m away."""
-        return bool(rewards.is_success(self._compiled.observer.achieved_goal(), self._goal))
+        return bool(rewards.is_success(self._observer.achieved_goal(), self._goal))
 
     def should_terminate_episode(self, physics) -> bool:
         del physics  # Unused.
@@ -261,43 +332,47 @@ class GoalTask(composer.Task):
 
     # -- The compiled model --------------------------------------------------------------------
 
-    def _resolve(self, physics) -> _Compiled:
-        scene, model, data = self.scene, physics.model.ptr, physics.data.ptr
-        gripper_link = physics.bind(scene.gripper.gripper_link).element_id
-        mocap = model.body_mocapid[model.body(scene.mocap_frame.full_identifier).id]
+    def _resolve(self, physics) -> Addresses:
+        scene, model = self.scene, physics.model.ptr
         fingers = [physics.bind(joint).element_id for joint in scene.gripper.joints]
         object_qpos = object_qvel = slice(0)
         object_site = None
         if scene.block is not None:
             joint = physics.bind(scene.block_joint).element_id
-            qpos, qvel = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+            qpos, qvel = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
             object_qpos, object_qvel = slice(qpos, qpos + 7), slice(qvel, qvel + 6)
             object_site = physics.bind(scene.block.site).element_id
-        observer = observation.GoalObserver(
-            model,
-            data,
+        return Addresses(
+            gripper_link=physics.bind(scene.gripper.gripper_link).element_id,
+            mocap=model.body_mocapid[model.body(scene.mocap_frame.full_identifier).id],
+            target=model.body(scene.target_frame.full_identifier).id,
             grip_site=physics.bind(scene.gripper.tool_center_point).element_id,
-            finger_joints=fingers,
             object_site=object_site,
-            control_timestep=CONTROL_TIMESTEP,
-            block_minus_gripper=self.convention.block_minus_gripper,
-        )
-        return _Compiled(
-            model=model,
-            data=data,
-            observer=observer,
-            gripper_position=data.xpos[gripper_link],
-            gripper_quaternion=data.xquat[gripper_link],
-            mocap_position=data.mocap_pos[mocap],
-            mocap_quaternion=data.mocap_quat[mocap],
-            target_position=model.body_pos[model.body(scene.target_frame.full_identifier).id],
             arm_qpos=model.jnt_qposadr[physics.bind(scene.arm.joints).element_id],
             finger_qpos=model.jnt_qposadr[fingers],
+            finger_qvel=model.jnt_dofadr[fingers],
             object_qpos=object_qpos,
             object_qvel=object_qvel,
         )
 
-    def _solve_start(self, physics) -> np.ndarray:
+    def _documented_state(self, physics) -> RestState:
+        """Returns the state at rest with the gripper at its documented pose."""
+        if self._arm_start is None:
+            self._arm_start = self._solve_inverse_kinematics(physics)
+        qpos = self._model.qpos0.copy()
+        qpos[self.addresses.arm_qpos] = self._arm_start
+        if self.scene.block is not None:
+            block_qpos = qpos[self.addresses.object_qpos]
+            block_qpos[2] = self.object_height
+            block_qpos[3:] = self.scene.block.quaternion
+        return RestState(
+            qpos=qpos,
+            qvel=np.zeros(self._model.nv),
+            mocap_position=np.array(self.workspace.gripper_position),
+            mocap_quaternion=np.array(conventions.POINTING_DOWN),
+        )
+
+    def _solve_inverse_kinematics(self, physics) -> np.ndarray:
         """Returns (7,) arm joints in rad that put the gripper link at its documented pose."""
         joints = self.scene.arm.joints
         physics.bind(joints).qpos = _ELBOW_UP
@@ -314,55 +389,45 @@ class GoalTask(composer.Task):
                 f'The gripper cannot be brought to {self.workspace.gripper_position} m, pointing '
                 f'down: inverse kinematics is left with an error of {result.err_norm:.2g}.'
             )
-        return result.qpos[self._compiled.arm_qpos]
+        return result.qpos[self.addresses.arm_qpos]
 
-    def _start_at_rest(self) -> None:
-        compiled = self._compiled
-        compiled.data.qpos[compiled.arm_qpos] = self._start_configuration
-        compiled.mocap_position[:] = self.workspace.gripper_position
-        compiled.mocap_quaternion[:] = conventions.POINTING_DOWN
-        if self.scene.block is not None:
-            block_qpos = compiled.data.qpos[compiled.object_qpos]
-            block_qpos[2] = self.object_height
-            block_qpos[3:] = self.scene.block.quaternion
-
-    def _start_settled(self) -> None:
-        compiled, state = self._compiled, conventions.settled_state(self.name)
-        model, data = compiled.model, compiled.data
-        arm, gripper = self.scene.arm, self.scene.gripper
-        for joint in (*arm.base_joints, *arm.joints, *gripper.joints):
+    def _settled_state(self) -> RestState:
+        """Returns the state in which the peer has settled."""
+        model, state = self._model, conventions.settled_state(self.name)
+        qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
+        scene = self.scene
+        for joint in (*scene.arm.base_joints, *scene.arm.joints, *scene.gripper.joints):
             index = model.joint(joint.full_identifier).id
-            data.qpos[model.jnt_qposadr[index]] = state.qpos[joint.name]
-            data.qvel[model.jnt_dofadr[index]] = state.qvel[joint.name]
-        if self.scene.block is not None:
-            data.qpos[compiled.object_qpos] = state.object_qpos
-            data.qvel[compiled.object_qvel] = state.object_qvel
+            qpos[model.jnt_qposadr[index]] = state.qpos[joint.name]
+            qvel[model.jnt_dofadr[index]] = state.qvel[joint.name]
+        if scene.block is not None:
+            qpos[self.addresses.object_qpos] = state.object_qpos
+            qvel[self.addresses.object_qvel] = state.object_qvel
+        # The peer leaves its mocap body at the origin until the first action moves it.
+        return RestState(qpos, qvel, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Given:
-    """Places that are given rather than sampled; None where sampled."""
-
-    block_position: np.ndarray | None = None
-    goal: np.ndarray | None = None
-
-
-def clip_action(action) -> np.ndarray:
+def clip_action(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
     """Returns the action with each component clipped to [-1, 1], in its own precision.
 
     Args:
-        action: (..., 4) displacement of the gripper along x, y and z, in units of 0.05 m, and
-            the gripper's opening.
+        action: (*batch_shape, 4) displacement of the gripper along x, y and z in units of
+            0.05 m, and the opening of its fingers.
+        batch_shape: () for one action.
 
     Raises:
         ValueError: if it has another shape or is not finite.
     """
     array = np.asarray(action)
-    if array.shape[-1:] != (ACTION_SIZE,) or array.ndim != 1:
-        raise ValueError(f'An action has shape ({ACTION_SIZE},), got {array.shape}.')
+    shape = (*batch_shape, ACTION_SIZE)
+    if array.shape != shape:
+        raise ValueError(f'An action of shape {shape} is needed, got {array.shape}.')
     if array.dtype.kind not in 'fiu':
-        raise ValueError(f'An action is an array of floats, got dtype {array.dtype}.')
+        raise ValueError(f'An action of floats is needed, got dtype {array.dtype}.')
     if not np.isfinite(array).all():
+        if batch_shape:
+            rows = np.flatnonzero(~np.isfinite(array).all(axis=-1)).tolist()
+            raise ValueError(f'Actions must be finite; rows {rows} are not.')
         raise ValueError(f'An action must be finite, got {array.tolist()}.')
     return np.clip(array, -1, 1)
 

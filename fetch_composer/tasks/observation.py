@@ -19,6 +19,7 @@ import math
 from collections.abc import Sequence
 
 import mujoco
+import mujoco.batch
 import numpy as np
 
 SIZE_WITH_OBJECT = 25
@@ -42,6 +43,28 @@ def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
     return 0.0, middle, math.atan2(m10, m11)
 
 
+def euler_xyz_batch(xmat: np.ndarray) -> np.ndarray:
+    """Returns what `euler_xyz` returns for each of many matrices.
+
+    Args:
+        xmat: (n, 9) row-major rotation matrices.
+
+    Returns:
+        (n, 3) angles in rad.
+    """
+    m00, m01, m02, m10, m11, m12, _, _, m22 = xmat.T
+    cosine = np.hypot(m12, m22)
+    regular = cosine > _SINGULAR_COSINE
+    return np.stack(
+        (
+            np.where(regular, np.arctan2(-m12, m22), 0.0),
+            np.arctan2(m02, cosine),
+            np.where(regular, np.arctan2(-m01, m00), np.arctan2(m10, m11)),
+        ),
+        axis=-1,
+    )
+
+
 class GoalObserver:
     """Reads observations off a simulation; resolves every name once."""
 
@@ -50,7 +73,8 @@ class GoalObserver:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         grip_site: int,
-        finger_joints: Sequence[int],
+        finger_qpos: Sequence[int],
+        finger_qvel: Sequence[int],
         object_site: int | None,
         control_timestep: float,
         block_minus_gripper: bool,
@@ -61,8 +85,9 @@ class GoalObserver:
             model: The compiled model.
             data: The simulation to observe.
             grip_site: Id of the gripper's observed site.
-            finger_joints: Ids of the right and the left finger's joint, or none if the fingers
-                are rigid, whose displacements and velocities are 0.
+            finger_qpos: Addresses of the right and the left finger's joint in qpos, or none if
+                the fingers are rigid: their displacements and velocities are then 0.
+            finger_qvel: The same in qvel.
             object_site: Id of the object's observed site, or None without an object.
             control_timestep: Seconds by which velocities are multiplied.
             block_minus_gripper: Sense of the difference of positions.
@@ -76,8 +101,8 @@ class GoalObserver:
         self._grip_position = data.site_xpos[grip_site]
         self._qpos = data.qpos
         self._qvel = data.qvel
-        self._finger_qpos = [model.jnt_qposadr[joint] for joint in finger_joints]
-        self._finger_qvel = [model.jnt_dofadr[joint] for joint in finger_joints]
+        self._finger_qpos = list(finger_qpos)
+        self._finger_qvel = list(finger_qvel)
         self._grip_jacobian = np.zeros((3, model.nv))
         if object_site is not None:
             self._object_position = data.site_xpos[object_site]
@@ -129,3 +154,82 @@ class GoalObserver:
         out[11:14] = euler_xyz(self._object_xmat.tolist())
         out[14:20] = self._object_jacobian @ scaled_qvel
         out[14:17] -= grip_velocity
+
+
+class _SiteMotion:
+    """Velocities of a site in every simulation of a batch, from its body's degrees of freedom."""
+
+    def __init__(self, model: mujoco.MjModel, sims: mujoco.batch.Batch, site: int) -> None:
+        body = model.site_bodyid[site]
+        moving = []
+        while body:
+            first, count = model.body_dofadr[body], model.body_dofnum[body]
+            moving = [*range(first, first + count), *moving]
+            body = model.body_parentid[body]
+        self._dofs = np.array(moving)
+        self._root = model.body_rootid[model.site_bodyid[site]]
+        self._site = site
+        self._cdof, self._qvel = sims.bind('cdof'), sims.bind('qvel')
+        self._site_xpos, self._centre = sims.bind('site_xpos'), sims.bind('subtree_com')
+
+    def velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns (n, 3) linear velocity in m/s and (n, 3) angular velocity in rad/s."""
+        qvel = self._qvel[:, np.newaxis, self._dofs]
+        spatial = (qvel @ self._cdof[:, self._dofs])[:, 0]
+        arm = self._site_xpos[:, self._site] - self._centre[:, self._root]
+        angular, at_centre = spatial[:, :3], spatial[:, 3:]
+        return at_centre + np.cross(angular, arm), angular
+
+
+class BatchObserver:
+    """`GoalObserver` for every simulation of a batch at once: arrays of shape (n, ...)."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        sims: mujoco.batch.Batch,
+        grip_site: int,
+        finger_qpos: Sequence[int],
+        finger_qvel: Sequence[int],
+        object_site: int | None,
+        control_timestep: float,
+        block_minus_gripper: bool,
+    ) -> None:
+        """Initializes the observer; the arguments are those of `GoalObserver`."""
+        self._num_sims = sims.nsim
+        self._timestep = control_timestep
+        self._sense = 1.0 if block_minus_gripper else -1.0
+        self._qpos, self._qvel = sims.bind('qpos'), sims.bind('qvel')
+        self._finger_qpos, self._finger_qvel = list(finger_qpos), list(finger_qvel)
+        self._grip_position = sims.bind('site_xpos')[:, grip_site]
+        self._grip_motion = _SiteMotion(model, sims, grip_site)
+        self._has_object = object_site is not None
+        if object_site is not None:
+            self._object_position = sims.bind('site_xpos')[:, object_site]
+            self._object_xmat = sims.bind('site_xmat')[:, object_site]
+            self._object_motion = _SiteMotion(model, sims, object_site)
+
+    def achieved_goal(self) -> np.ndarray:
+        """Returns (n, 3) positions in m of the objects or, without one, of the grippers."""
+        return (self._object_position if self._has_object else self._grip_position).copy()
+
+    def observation(self) -> np.ndarray:
+        """Returns (n, 25) or, without an object, (n, 10) float64; see the module's table."""
+        size = SIZE_WITH_OBJECT if self._has_object else SIZE_WITHOUT_OBJECT
+        out = np.zeros((self._num_sims, size))
+        grip_velocity, _ = self._grip_motion.velocities()
+        out[:, :3] = self._grip_position
+        fingers = 3
+        if self._has_object:
+            fingers = 9
+            velocity, angular_velocity = self._object_motion.velocities()
+            out[:, 3:6] = self._object_position
+            out[:, 6:9] = (self._object_position - self._grip_position) * self._sense
+            out[:, 11:14] = euler_xyz_batch(self._object_xmat)
+            out[:, 14:17] = (velocity - grip_velocity) * self._timestep
+            out[:, 17:20] = angular_velocity * self._timestep
+        out[:, -5:-2] = grip_velocity * self._timestep
+        if self._finger_qpos:
+            out[:, fingers : fingers + 2] = self._qpos[:, self._finger_qpos]
+            out[:, -2:] = self._qvel[:, self._finger_qvel] * self._timestep
+        return out

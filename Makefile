@@ -1,0 +1,69 @@
+# Everything runs in a virtual environment of the repository's own, made on first use.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# Runs a command as root where that is permitted without a password.
+AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
+APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
+
+.PHONY: help explore test test-only check bench build clean
+.DEFAULT_GOAL := help
+
+help:  ## List the targets.
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+explore: $(VENV)/.explore gl  ## Film the expert at Push and say which files to open.
+	$(BIN)/python explore.py --task push --policy expert --episodes 4 --output_dir output/explore
+
+test: check test-only  ## Check the code and run the tests.
+
+test-only: $(VENV)/.test gl
+	$(BIN)/python -m pytest -n auto
+
+check: $(VENV)/.test  ## Lint and type-check; edits nothing.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
+	rm -rf build dist
+	$(BIN)/python -m build --outdir dist . >/dev/null
+	set -e; for package in dist/*.whl dist/*.tar.gz; do \
+	  rm -rf build/clean; $(PYTHON) -m venv build/clean; \
+	  build/clean/bin/pip install -q "$$package"; \
+	  (cd build && MUJOCO_GL=disabled clean/bin/python -c \
+	    "from fetch_composer import suite; print(suite.load('fetch', 'push').reset().observation['observation'])"); \
+	  echo "$$package works"; \
+	done
+
+clean:  ## Remove everything that was made, the virtual environment included.
+	rm -rf $(VENV) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
+	  { echo "Python 3.10 to 3.13 is needed: make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || $(APT_INSTALL) python3-venv || \
+	  { echo "venv is missing; run: apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install -q --upgrade pip
+
+$(VENV)/.explore: $(BIN)/python setup.py
+	$(BIN)/pip install -q -e '.[explore]'
+	@touch $@
+
+$(VENV)/.test: $(BIN)/python setup.py
+	$(BIN)/pip install -q -e '.[test]'
+	@touch $@
+
+$(VENV)/.build: $(BIN)/python
+	$(BIN)/pip install -q build
+	@touch $@
+
+# Pictures need EGL or OSMesa. Without permission to install one, everything else still works.
+.PHONY: gl
+gl:
+	@ldconfig -p | grep -qE 'libEGL\.so\.1|libOSMesa\.so' || \
+	  $(APT_INSTALL) libegl1 libgl1-mesa-dri || \
+	  echo "No EGL and no OSMesa: for pictures run apt-get install libegl1 libgl1-mesa-dri"

@@ -1,0 +1,51 @@
+"""Pick and place: bring a block to a place on the table or in the air."""
+
+from fetch_composer import entities
+from fetch_composer.tasks import conventions, goal_task, samplers, scene
+
+_WORKSPACE = scene.Workspace(
+    robot_position=(0.405, 0.48, 0.0),
+    gripper_position=(1.3419, 0.7491, 0.555),
+    table_position=(1.3, 0.75, 0.2),
+    table_half_size=(0.25, 0.35, 0.2),
+)
+
+_BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
+_BLOCK_MASS = 2.0  # kg
+
+# The block starts, and its goal lies, up to this many m from the gripper along x and along y ...
+_BLOCK_RANGE = 0.15
+_GOAL_RANGE = 0.15
+# ... and the block no nearer to the gripper than this.
+_BLOCK_CLEARANCE = 0.1
+
+# This share of goals is lifted off the table, by up to this many m.
+_AIR_PROBABILITY = 0.5
+_AIR_HEIGHT = 0.45
+
+
+class PickAndPlace(goal_task.GoalTask):
+    """Grasp a block and bring it to its goal; the fourth action opens and closes the gripper."""
+
+    def __init__(self, convention: str = 'documented', **options) -> None:
+        """Initializes the task; see `GoalTask` for the options."""
+        block = entities.Block(
+            size=_BLOCK_HALF_SIZE,
+            mass=_BLOCK_MASS,
+            quaternion=conventions.get(convention).block_quaternion,
+        )
+        super().__init__(
+            'pick_and_place',
+            _WORKSPACE,
+            block,
+            locked_gripper=False,
+            convention=convention,
+            **options,
+        )
+
+    def _build_samplers(self):
+        block_placer = samplers.OffsetBeyond(self.grip_start, _BLOCK_RANGE, _BLOCK_CLEARANCE)
+        goal_sampler = samplers.GoalAround(
+            self.grip_start, _GOAL_RANGE, self.object_height, _AIR_PROBABILITY, _AIR_HEIGHT
+        )
+        return block_placer, goal_sampler

@@ -1,0 +1,24 @@
+"""Reach: move the gripper to a place in the air."""
+
+from fetch_composer.tasks import goal_task, samplers, scene
+
+_WORKSPACE = scene.Workspace(
+    robot_position=(0.4049, 0.48, 0.0),
+    gripper_position=(1.3419, 0.7491, 0.555),
+    table_position=(1.3, 0.75, 0.2),
+    table_half_size=(0.25, 0.35, 0.2),
+)
+
+# The goal lies up to this many m from the gripper along each axis.
+_GOAL_RANGE = 0.15
+
+
+class Reach(goal_task.GoalTask):
+    """Bring the gripper to its goal; there is no object, and the gripper is locked."""
+
+    def __init__(self, **options) -> None:
+        """Initializes the task; see `GoalTask` for the options."""
+        super().__init__('reach', _WORKSPACE, **options)
+
+    def _build_samplers(self):
+        return None, samplers.GoalAround(self.grip_start, _GOAL_RANGE)

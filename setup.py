@@ -1,0 +1,35 @@
+"""Installs fetch_composer; the extras name what each optional part needs."""
+
+import pathlib
+
+import setuptools
+
+_HERE = pathlib.Path(__file__).parent
+
+GYMNASIUM = ['gymnasium>=1.0']
+EXPLORE = ['imageio[ffmpeg]>=2.31', 'matplotlib>=3.7', 'tqdm>=4.60']
+TEST = ['pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+
+setuptools.setup(
+    name='fetch_composer',
+    version='0.1.0',
+    description='The Fetch manipulation tasks as a dm_control Composer suite',
+    long_description=(_HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=setuptools.find_packages(include=['fetch_composer', 'fetch_composer.*']),
+    package_data={'fetch_composer': ['py.typed', 'entities/*.xml', 'tasks/*.json']},
+    install_requires=[
+        'absl-py>=2.0',
+        'dm-control>=1.0.50',
+        'dm-env>=1.6',
+        'mujoco>=3.17,<4',
+        'numpy>=1.26',
+    ],
+    extras_require={
+        'gymnasium': GYMNASIUM,
+        'explore': EXPLORE,
+        'test': TEST + GYMNASIUM + EXPLORE,
+    },
+)

@@ -1,0 +1,40 @@
+"""Fixtures: every statement is made about every task and convention."""
+
+import os
+
+# Tests need no display; they render where one of these works and are skipped elsewhere.
+os.environ.setdefault('MUJOCO_GL', 'egl')
+
+import pytest  # noqa: E402
+
+import fetch_composer  # noqa: E402
+from fetch_composer.tasks import conventions  # noqa: E402
+
+CONVENTIONS = tuple(conventions.CONVENTIONS)
+
+
+@pytest.fixture(params=fetch_composer.ALL)
+def task_name(request) -> str:
+    return request.param
+
+
+@pytest.fixture(params=CONVENTIONS)
+def convention(request) -> str:
+    return request.param
+
+
+@pytest.fixture(params=[name for name in fetch_composer.ALL if name != 'reach'])
+def object_task_name(request) -> str:
+    return request.param
+
+
+@pytest.fixture(params=[name for name in fetch_composer.ALL if name != 'pick_and_place'])
+def locked_task_name(request) -> str:
+    return request.param
+
+
+@pytest.fixture
+def env(task_name, convention):
+    environment = fetch_composer.load(task_name, seed=0, convention=convention)
+    yield environment
+    environment.close()

@@ -1,0 +1,44 @@
+"""Ways to act that several tests share."""
+
+import numpy as np
+
+
+def uniform_actions(count: int, seed: int = 0, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
+    """Returns (count, *batch_shape, 4) float32 actions, uniform in [-1, 1]."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, (count, *batch_shape, 4)).astype(np.float32)
+
+
+def towards(observation, point, gain: float = 20.0) -> np.ndarray:
+    """Returns the action that moves the observed gripper towards a point in m."""
+    action = np.zeros(4, np.float32)
+    action[:3] = np.clip(gain * (np.asarray(point) - observation['observation'][:3]), -1, 1)
+    return action
+
+
+def push_through(observation) -> np.ndarray:
+    """Returns the action of one that gets beside the object, descends and pushes through it."""
+    grip, block = observation['observation'][:3], observation['achieved_goal']
+    beside = block - (0.0, 0.09, 0.0)
+    if grip[2] > block[2] + 0.02 and np.abs(grip[:2] - beside[:2]).max() > 0.02:
+        return towards(observation, (*beside[:2], max(grip[2], block[2] + 0.1)))
+    if grip[2] > block[2] + 0.01:
+        return towards(observation, beside)
+    return towards(observation, (block[0] + 0.015, grip[1] + 0.025, block[2]))
+
+
+def run(env, actions) -> list:
+    """Returns the time steps of `env.reset()` and of every action."""
+    return [env.reset(), *(env.step(action) for action in actions)]
+
+
+def assert_same(time_steps, others) -> None:
+    """Asserts that two sequences of time steps are equal to the bit."""
+    assert len(time_steps) == len(others)
+    for one, other in zip(time_steps, others, strict=True):
+        assert one.step_type == other.step_type
+        assert one.reward == other.reward
+        assert one.discount == other.discount
+        assert list(one.observation) == list(other.observation)
+        for name, value in one.observation.items():
+            np.testing.assert_array_equal(value, other.observation[name], err_msg=name)

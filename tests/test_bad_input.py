@@ -1,0 +1,94 @@
+"""Bad input is refused with a message that says what is valid, and changes nothing."""
+
+import numpy as np
+import pytest
+from dm_control import suite as dm_suite
+
+import fetch_composer
+from fetch_composer import suite
+from tests import episodes
+
+
+@pytest.mark.parametrize(
+    ('action', 'message'),
+    [
+        (np.full(4, np.nan), 'must be finite'),
+        (np.array([0, np.inf, 0, 0]), 'must be finite'),
+        (np.zeros(3), r'shape \(4,\) is needed, got \(3,\)'),
+        (np.zeros((1, 4)), r'shape \(4,\) is needed'),
+        (0.5, r'shape \(4,\) is needed'),
+        (None, r'shape \(4,\) is needed'),
+        (['a', 'b', 'c', 'd'], 'floats'),
+    ],
+)
+def test_a_bad_action_leaves_the_simulation_untouched(env, action, message):
+    reference = fetch_composer.load(env.task.name, seed=0, convention=env.task.convention.name)
+    actions = episodes.uniform_actions(12)
+    expected = episodes.run(reference, actions)
+    time_steps = episodes.run(env, actions[:5])
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    time_steps += [env.step(each) for each in actions[5:]]
+    episodes.assert_same(time_steps, expected)
+
+
+def test_actions_outside_the_range_are_clipped(env):
+    reference = fetch_composer.load(env.task.name, seed=0, convention=env.task.convention.name)
+    wild = 5 * episodes.uniform_actions(10)
+    episodes.assert_same(episodes.run(env, wild), episodes.run(reference, np.clip(wild, -1, 1)))
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        ({'convention': 'gym'}, 'valid are documented, gymnasium'),
+        ({'reward_type': 'shaped'}, 'valid are sparse, dense'),
+        ({'max_episode_steps': 0}, 'positive integer'),
+        ({'max_episode_steps': -3}, 'positive integer'),
+        ({'max_episode_steps': 2.5}, 'positive integer'),
+        ({'colour': 'red'}, "'colour'.* valid are .*reward_type"),
+        ({'goal': (9, 9, 9)}, 'off the table'),
+        ({'goal': (1.3, 0.75)}, '3 finite numbers'),
+        ({'goal': (1.3, np.nan, 0.42)}, '3 finite numbers'),
+        ({'goal': 'here'}, '3 finite numbers'),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(task_name, options, message):
+    with pytest.raises(ValueError, match=message):
+        fetch_composer.load(task_name, **options)
+    with pytest.raises(ValueError, match=message):
+        suite.load('fetch', task_name, task_kwargs=options)
+    with pytest.raises(ValueError, match=message):
+        dm_suite.load('fetch', task_name, task_kwargs=options)
+
+
+@pytest.mark.parametrize('position', [(0, 0), (1.3, np.inf), (1.3,), (1.3, 0.75, 0.42)])
+def test_places_that_cannot_be_leave_the_next_episode_as_it_was(object_task_name, position):
+    env = fetch_composer.load(object_task_name, seed=0)
+    with pytest.raises(ValueError, match='block_position'):
+        env.task.set_next_episode(block_position=position)
+    reference = fetch_composer.load(object_task_name, seed=0).reset()
+    episodes.assert_same([env.reset()], [reference])
+
+
+def test_reach_has_no_object_to_place():
+    env = fetch_composer.load('reach', seed=0)
+    with pytest.raises(ValueError, match='has no object'):
+        env.task.set_next_episode(block_position=(1.3, 0.75))
+
+
+def test_unknown_names_are_answered_with_the_valid_ones():
+    for load in (fetch_composer.load, fetch_composer.BatchEnvironment):
+        arguments = ('throw',) if load is fetch_composer.load else ('throw', 2)
+        with pytest.raises(ValueError, match='pick_and_place, push, reach, slide'):
+            load(*arguments)
+    with pytest.raises(ValueError, match="valid is 'fetch'"):
+        suite.load('panda', 'push')
+    with pytest.raises(ValueError, match='throw'):
+        suite.load('fetch', 'throw')
+
+
+@pytest.mark.parametrize('seed', [-1, 'zero'])
+def test_a_seed_that_is_none_is_refused(seed):
+    with pytest.raises((ValueError, TypeError)):
+        fetch_composer.load('push', seed=seed)

@@ -1,0 +1,130 @@
+"""The native batch against as many single environments."""
+
+import dm_env
+import numpy as np
+import pytest
+from dm_control.rl import control
+
+import fetch_composer
+from tests import episodes
+
+_NUM_ENVS = 3
+
+
+def _assert_rows_equal(batched, singles) -> None:
+    for i, single in enumerate(singles):
+        assert batched.step_type[i] == single.step_type
+        assert batched.reward[i] == pytest.approx(single.reward or 0.0, abs=1e-9)
+        assert batched.discount[i] == (1.0 if single.discount is None else single.discount)
+        assert set(batched.observation) == set(single.observation)
+        for name, value in single.observation.items():
+            np.testing.assert_allclose(batched.observation[name][i], value, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
+def test_environment_i_is_the_single_environment_of_seed_plus_i(task_name, convention, reward_type):
+    """Over three episodes, resets included, while some of them push their object."""
+    options = {'convention': convention, 'reward_type': reward_type}
+    batch = fetch_composer.BatchEnvironment(task_name, _NUM_ENVS, seed=5, **options)
+    singles = [fetch_composer.load(task_name, seed=5 + i, **options) for i in range(_NUM_ENVS)]
+    time_step = batch.reset()
+    _assert_rows_equal(time_step, [single.reset() for single in singles])
+    for step, actions in enumerate(episodes.uniform_actions(120, batch_shape=(_NUM_ENVS,))):
+        if step % 50 > 10:
+            actions[0] = episodes.push_through({k: v[0] for k, v in time_step.observation.items()})
+        time_step = batch.step(actions)
+        pairs = zip(singles, actions, strict=True)
+        _assert_rows_equal(time_step, [single.step(action) for single, action in pairs])
+
+
+def test_environments_that_end_at_different_times_start_anew_each_on_its_own():
+    batch = fetch_composer.BatchEnvironment('push', _NUM_ENVS, seed=0, max_episode_steps=4)
+    batch.reset()
+    batch._steps_taken[1] = 2  # As though this environment were two steps ahead.
+    types = []
+    for actions in episodes.uniform_actions(7, batch_shape=(_NUM_ENVS,)):
+        time_step = batch.step(actions)
+        types.append([dm_env.StepType(t).name for t in time_step.step_type])
+        first = time_step.step_type == dm_env.StepType.FIRST
+        np.testing.assert_array_equal(time_step.observation['observation'][first, 14:], 0)
+    assert [t[0] for t in types] == ['MID', 'MID', 'MID', 'LAST', 'FIRST', 'MID', 'MID']
+    assert [t[1] for t in types] == ['MID', 'LAST', 'FIRST', 'MID', 'MID', 'MID', 'LAST']
+
+
+def test_threads_change_nothing(task_name):
+    actions = episodes.uniform_actions(60, batch_shape=(4,))
+
+    def run(num_threads):
+        batch = fetch_composer.BatchEnvironment(task_name, 4, num_threads, seed=0)
+        return episodes.run(batch, actions)
+
+    for one, other in zip(run(1), run(4), strict=True):
+        for name in one.observation:
+            np.testing.assert_array_equal(one.observation[name], other.observation[name])
+
+
+def test_specs_describe_the_time_steps(task_name, convention):
+    batch = fetch_composer.BatchEnvironment(task_name, 2, seed=0, convention=convention)
+    assert batch.action_spec().shape == (2, 4)
+    batch.reset()
+    time_step = batch.step(np.zeros((2, 4), np.float32))
+    for name, spec in batch.observation_spec().items():
+        spec.validate(time_step.observation[name])
+    batch.reward_spec().validate(time_step.reward)
+    batch.discount_spec().validate(time_step.discount)
+    assert batch.num_envs == 2
+
+
+def test_observations_are_not_shared_memory(task_name):
+    batch = fetch_composer.BatchEnvironment(task_name, 2, seed=0)
+    first = batch.reset()
+    kept = {name: value.copy() for name, value in first.observation.items()}
+    second = batch.step(np.ones((2, 4), np.float32))
+    for name, value in first.observation.items():
+        np.testing.assert_array_equal(value, kept[name])
+        assert not np.shares_memory(value, second.observation[name])
+
+
+def test_given_places_may_be_one_for_all_or_one_for_each():
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0)
+    goals = np.array([[1.2, 0.7, 0.425], [1.3, 0.8, 0.425]])
+    observation = batch.reset(block_position=(1.25, 0.6), goal=goals).observation
+    np.testing.assert_allclose(observation['achieved_goal'][:, :2], [(1.25, 0.6)] * 2)
+    np.testing.assert_array_equal(observation['desired_goal'], goals)
+
+
+def test_a_bad_row_is_named_and_no_environment_moves():
+    batch = fetch_composer.BatchEnvironment('push', 3, seed=0)
+    before = batch.reset().observation['observation']
+    actions = np.zeros((3, 4), np.float32)
+    actions[1, 2] = np.nan
+    with pytest.raises(ValueError, match=r'\[1\]'):
+        batch.step(actions)
+    with pytest.raises(ValueError, match=r'\(3, 4\)'):
+        batch.step(np.zeros((2, 4)))
+    after = batch.step(np.zeros((3, 4), np.float32)).observation['observation']
+    np.testing.assert_allclose(after[:, :6], before[:, :6], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ({'num_envs': 0}, 'num_envs must be a positive integer'),
+        ({'num_envs': 2.5}, 'num_envs must be a positive integer'),
+        ({'num_envs': 2, 'num_threads': 0}, 'num_threads must be a positive integer'),
+        ({'num_envs': 2, 'num_threads': 3}, r'num_threads \(3\) must not exceed num_envs \(2\)'),
+        ({'num_envs': 2, 'seed': [1, 2, 3]}, '2 seeds are needed'),
+        ({'num_envs': 2, 'unknown': 1}, 'valid are .*convention'),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        fetch_composer.BatchEnvironment('push', **arguments)
+
+
+def test_divergence_names_the_environment():
+    batch = fetch_composer.BatchEnvironment('push', 3, seed=0)
+    batch.reset()
+    batch._qvel[2] = 1e12
+    with pytest.raises(control.PhysicsError, match=r'\[2\]'):
+        batch.step(np.zeros((3, 4), np.float32))
