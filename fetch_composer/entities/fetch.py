@@ -7,6 +7,8 @@ from dm_control.composer import define
 from dm_control.composer.observation import observable
 from dm_control.entities.manipulators import base
 
+from fetch_composer.entities import contacts, hulls
+
 _DIRECTORY = os.path.dirname(__file__)
 _ARM_XML = os.path.join(_DIRECTORY, 'fetch_arm.xml')
 _GRIPPER_XML = os.path.join(_DIRECTORY, 'fetch_gripper.xml')
@@ -19,6 +21,15 @@ ARM_JOINTS = (
     'forearm_roll_joint',
     'wrist_flex_joint',
     'wrist_roll_joint',
+)
+
+_TRUNK_HULLS = ('base_link', 'torso_fixed_link', 'torso_lift_link')
+_ARM_HULLS = (
+    'shoulder_lift_link',
+    'elbow_flex_link',
+    'forearm_roll_link',
+    'wrist_flex_link',
+    'wrist_roll_link',
 )
 
 # Gymnasium-Robotics holds its mobile base and torso with damping alone (N s/m).
@@ -37,6 +48,19 @@ def _compensate_gravity(mjcf_model: mjcf.RootElement, from_body: str) -> None:
     root = mjcf_model.find('body', from_body)
     for body in (root, *root.find_all('body')):
         body.gravcomp = 1
+
+
+def _add_collision(body: mjcf.Element, name: str, **attributes) -> mjcf.Element:
+    """Gives `body` the hull of the link called `name` as what others collide with."""
+    mesh = body.root.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel())
+    return body.add(
+        'geom',
+        name=name.replace('_link', '_collision'),
+        dclass='collision',
+        type='mesh',
+        mesh=mesh,
+        **attributes,
+    )
 
 
 class FetchArm(base.RobotArm):
@@ -63,6 +87,7 @@ class FetchArm(base.RobotArm):
         """
         self._mjcf_root = mjcf.from_path(_ARM_XML)
         self._mjcf_root.model = name
+        self._add_collisions()
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
@@ -73,16 +98,15 @@ class FetchArm(base.RobotArm):
     def _build_observables(self):
         return FetchArmObservables(self)
 
+    def _add_collisions(self) -> None:
+        for name in _TRUNK_HULLS:
+            body = self._mjcf_root.find('body', name)
+            _add_collision(body, name, **contacts.TRUNK_CONTACT)
+        for name in _ARM_HULLS:
+            _add_collision(self._mjcf_root.find('body', name), name)
+
     def _add_base_joints(self) -> tuple[mjcf.Element, ...]:
         base_link = self._mjcf_root.find('body', 'base_link')
-        base_link.add(
-            'geom',
-            name='base_collision',
-            dclass='collision',
-            type='box',
-            pos=(-0.00025, 0, 0.17945),
-            size=(0.28665, 0.2641, 0.17945),
-        )
         sliders = tuple(
             base_link.add(
                 'joint',
@@ -163,6 +187,7 @@ class FetchGripper(base.RobotHand):
             raise ValueError('`actuated` needs `finger_joints`: a locked gripper has no joints.')
         self._mjcf_root = mjcf.from_path(_GRIPPER_XML)
         self._mjcf_root.model = name
+        _add_collision(self.gripper_link, 'gripper_link')
         self._joints: tuple[mjcf.Element, ...] = ()
         self._actuators: tuple[mjcf.Element, ...] = ()
         if finger_joints:

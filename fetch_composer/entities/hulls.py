@@ -1,0 +1,212 @@
+"""Convex hulls of those links of the Fetch that touch things, built from measured dimensions.
+
+Every hull is given in the frame of its link, in m. A link of the arm is the hull of two turned
+parts, one about the axis of its roll and one about the axis of its bend; its ends are bevelled.
+The trunk is the hull of outlines at several heights.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+# Rim of a bent joint's housing: (inset from its face along the axis, inset from its radius).
+_HOUSING_RIM = ((0.0125, 0.0), (0.0077, 0.0023), (0.0017, 0.0049), (0.0008, 0.0056),
+                (0.0002, 0.0065), (0.0, 0.0076))  # fmt: skip
+# The same where an arm's segment ends.
+_COLLAR_RIM = ((0.0025, 0.0), (0.002, 0.0005), (0.0, 0.0035))
+
+
+def _turned(
+    axis: str,
+    profile: Sequence[tuple[float, float]],
+    centre: Sequence[float] = (0.0, 0.0, 0.0),
+    sides: int = 60,
+) -> np.ndarray:
+    """Returns (n, 3) points of a body turned about a line parallel to `axis` through `centre`.
+
+    Args:
+        axis: 'x' or 'y'.
+        profile: (Position along the axis, radius) of each of its rings.
+        centre: A point of the line.
+        sides: Of each ring, the first two of which meet on the x axis or, about x, the y axis.
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    points = []
+    for along, radius in profile:
+        across = (radius * np.cos(angle), radius * np.sin(angle))
+        along = np.full(sides, along)
+        ring = (along, *across) if axis == 'x' else (across[0], along, across[1])
+        points.append(np.stack(ring, axis=1))
+    return np.concatenate(points) + np.array(centre)
+
+
+def _rim(face: float, radius: float, rim: Sequence[tuple[float, float]]):
+    """Returns the profile of a bevelled end whose face is at `face`, on the side of its sign."""
+    return tuple((face - np.sign(face) * along, radius - inset) for along, inset in rim)
+
+
+def _mirrored(
+    level: float, half: Sequence[tuple[float, float]], axis: str = 'z'
+) -> np.ndarray:
+    """Returns (n, 3) points of an outline that is symmetric in y.
+
+    Args:
+        level: Where it cuts `axis`.
+        half: Its half with y >= 0: (x, y) if it cuts z, (y, z) if it cuts x.
+        axis: 'x' or 'z'.
+    """
+    half = np.array(half)
+    if axis == 'z':
+        right = np.column_stack((half, np.full(len(half), level)))
+    else:
+        right = np.column_stack((np.full(len(half), level), half))
+    return np.concatenate((right, right * (1, -1, 1)))
+
+
+def _shoulder_lift() -> np.ndarray:
+    collar = _turned('x', ((0.12, 0.052), *_rim(0.172, 0.052, _COLLAR_RIM)[:2], (0.172, 0.0475)))
+    housing = ((-0.001, 0.0595), (-0.0005, 0.06), *_rim(0.0705, 0.06, _HOUSING_RIM))
+    return np.concatenate((collar, _turned('y', housing, sides=30)))
+
+
+def _elbow_flex() -> np.ndarray:
+    collar = ((0.1106, 0.052), *_rim(0.166, 0.052, _COLLAR_RIM))
+    housing = ((0.0015, 0.0517), (0.002, 0.052), *_rim(0.0705, 0.052, _HOUSING_RIM))
+    return np.concatenate((_turned('x', collar, sides=58), _turned('y', housing, sides=30)))
+
+
+def _forearm_roll() -> np.ndarray:
+    collar = ((-0.032, 0.052), (-0.003, 0.052), (0.0058, 0.0515), (0.0091, 0.0502))
+    housing = ((-0.0535, 0.0517), (-0.054, 0.052), *_rim(-0.087, 0.052, _HOUSING_RIM))
+    return np.concatenate(
+        (_turned('x', collar, sides=38), _turned('y', housing, (0.1245, 0, 0), sides=62))
+    )
+
+
+def _wrist_flex() -> np.ndarray:
+    collar = _turned('x', ((0.06, 0.052), *_rim(0.1165, 0.052, _COLLAR_RIM)), sides=32)
+    housing = ((-0.054, 0.05), (-0.0525, 0.0515), (-0.052, 0.052),
+               *_rim(0.067, 0.052, _HOUSING_RIM))  # fmt: skip
+    return np.concatenate((collar, _turned('y', housing, sides=62)))
+
+
+def _wrist_roll() -> np.ndarray:
+    profile = ((-0.023, 0.052), (0.005, 0.052), (0.0077, 0.0512), (0.0081, 0.0509),
+               (0.0195, 0.03075))  # fmt: skip
+    return _turned('x', profile, sides=38)
+
+
+def _arc(centre, radii, start: float, stop: float, steps: int) -> np.ndarray:
+    """Returns (steps + 1, 2) points of an ellipse's arc between two angles in degrees."""
+    angle = np.radians(np.linspace(start, stop, steps + 1))
+    return np.array(centre) + np.column_stack((np.cos(angle), np.sin(angle))) * radii
+
+
+def _palm() -> np.ndarray:
+    low_corner, low_radius = (0.0526, -0.0245), 0.0095
+    high_corner, high_radius = (0.0488, 0.0264), 0.0132
+    ridge = 0.0008  # Height at which the palm is widest.
+    belly_depth, belly_radius, belly_angle = 0.03986, 0.1755, 7.26  # An arc below the wrist.
+
+    def outline(inset: float) -> np.ndarray:
+        insets = np.array((1.1 * inset, inset))
+        return np.concatenate((
+            _arc(low_corner, low_radius - insets, -90, 0, 6),
+            ((0.063 - 0.97 * inset, ridge),),
+            _arc(high_corner, high_radius - insets, 0, 90, 6),
+        ))  # fmt: skip
+
+    # Towards the fingers: (x below, x above, inset of the outline).
+    nose = ((-0.04735, -0.04735, 0.0), (-0.04576, -0.04576, 0.0003), (-0.0353, -0.0355, 0.0049),
+            (-0.0341, -0.0343, 0.0056), (-0.0332, -0.0334, 0.007),
+            (-0.0329, -0.0331, 0.0084))  # fmt: skip
+    # Towards the wrist: besides, the belly rises by so much.
+    heel = ((-0.1395, 0.0, 0.0), (-0.1488, 0.0044, 0.0002), (-0.1507, 0.0051, 0.0006),
+            (-0.1522, 0.0063, 0.002))  # fmt: skip
+    belly = _arc((0, belly_radius - belly_depth), belly_radius, -90, belly_angle - 90, 3)
+    crown = _arc((0, 0.0396 - 0.17), 0.17, 90, 90 - 6, 2)
+    points = []
+    for x_below, x_above, inset in nose:
+        half = outline(inset)
+        points.append(_mirrored(x_below, half[half[:, 1] <= ridge], 'x'))
+        points.append(_mirrored(x_above, half[half[:, 1] > ridge], 'x'))
+    for x, inset, rise in heel:
+        points.append(_mirrored(x, outline(inset), 'x'))
+        points.append(_mirrored(x, belly + (0, rise), 'x'))
+        points.append(_mirrored(x, crown - (0, rise), 'x'))
+    # The belly's rim is bevelled in its middle; both ends of the palm are slightly convex.
+    points.append(_mirrored(-0.13386, belly[:2] + (0, 0.00022), 'x'))
+    points.append(_mirrored(-0.0320, ((0.0, 0.0008), (0.0545, 0.0008)), 'x'))
+    points.append(_mirrored(-0.1540, ((0.054, -0.0008), (0.0542, 0.0008)), 'x'))
+    return np.concatenate(points)
+
+
+def _base() -> np.ndarray:
+    front = np.radians(np.linspace(0, 57.6, 14))
+    rear = np.radians(np.linspace(120.5, 180, 15))
+    outline = np.concatenate((
+        0.2864 * np.column_stack((np.cos(front), np.sin(front))),
+        ((0.1166, 0.2578), (0.0924, 0.2618), (0.0225, 0.264), (-0.0746, 0.2628),
+         (-0.1175, 0.2579)),
+        0.2872 * np.column_stack((np.cos(rear), np.sin(rear))),
+    ))  # fmt: skip
+    # From 0.3 m up, the rear flanks are flat.
+    cut = np.concatenate((
+        outline[(outline[:, 0] > 0.02) | (outline[:, 0] < -0.225)],
+        ((-0.2266, 0.1768), (-0.2165, 0.1867), (-0.2049, 0.1929), (-0.009, 0.263),
+         (0.0051, 0.2641)),
+    ))  # fmt: skip
+    # (Height, inset along x, inset along y, outline).
+    levels = ((0.0381, 0.0046, 0.0058, outline), (0.064, 0.0013, 0.0029, outline),
+              (0.1, 0.0003, 0.0016, outline), (0.15, 0.0, 0.0005, outline),
+              (0.22, 0.0, 0.0, outline), (0.254, 0.0, 0.0, outline), (0.3153, 0.0, 0.0, cut),
+              (0.335, 0.0009, 0.0014, cut), (0.3473, 0.0038, 0.0035, cut),
+              (0.357, 0.008, 0.0085, cut), (0.3583, 0.0095, 0.0105, cut),
+              (0.358885, 0.0204, 0.0214, cut))  # fmt: skip
+    points = [_mirrored(1.18e-6, ((-0.2145, 0.1245), (0.17, 0.1245)))]
+    for height, inset_x, inset_y, half in levels:
+        points.append(_mirrored(height, half * (1 - inset_x / 0.2868, 1 - inset_y / 0.264)))
+    points[-1][:, 2] -= 1e-4 * points[-1][:, 0]  # The deck slopes to the front.
+    return np.concatenate(points)
+
+
+def _torso_fixed() -> np.ndarray:
+    half = ((-0.0321, 0.1554), (-0.1175, 0.1554), (-0.1274, 0.1528), (-0.135, 0.1459),
+            (-0.1483, 0.1233), (-0.1593, 0.0995), (-0.1679, 0.0748), (-0.1683, 0.0724))  # fmt: skip
+    return np.concatenate((_mirrored(-0.0156, half), _mirrored(0.4403, half),
+                           _mirrored(-0.0186, ((-0.0351, 0.1554), *half[1:])),
+                           _mirrored(0.4433, ((-0.0351, 0.1554), *half[1:]))))  # fmt: skip
+
+
+def _torso_lift() -> np.ndarray:
+    rear = ((-0.185, 0.025), (-0.183, 0.07), (-0.16, 0.128), (-0.14, 0.159), (-0.12, 0.167),
+            (-0.019, 0.171))  # fmt: skip
+    outlines = {
+        0.0285: (*rear, (0.0, 0.17), (0.019, 0.151), (0.04, 0.105), (0.044, 0.091), (0.047, 0.0)),
+        0.183: ((0.145, 0.046), (0.152, 0.036), (0.162, 0.0145), (0.1635, 0.0)),
+        0.199: ((0.159, 0.034), (0.166, 0.023), (0.1705, 0.0105), (0.1716, 0.0)),
+        0.3: ((0.1635, 0.0275), (0.1685, 0.018), (0.171, 0.008), (0.1716, 0.0)),
+        0.46: rear,
+        0.577: ((-0.154, 0.07), (-0.127, 0.131), (-0.105, 0.144), (-0.019, 0.148)),
+        0.603: ((-0.055, 0.035), (-0.028, 0.086), (0.056, 0.08), (0.13, 0.02), (0.132, 0.0)),
+    }  # fmt: skip
+    # The two faces at the front that the shoulder meets: normal and distance from the frame.
+    faces = (((0.68252, 0.72867, 0.05666), 0.15042), ((0.68773, -0.72355, 0.05918), 0.15177))
+    corners = ((0.155, 0.3), (0.11, 0.603), (0.0, 0.495))  # x and z.
+    points = [_mirrored(z, half) for z, half in outlines.items()]
+    for (nx, ny, nz), distance in faces:
+        points.append([(x, (distance - nx * x - nz * z) / ny, z) for x, z in corners])
+    return np.concatenate(points)
+
+
+HULLS = {
+    'base_link': _base(),
+    'torso_fixed_link': _torso_fixed(),
+    'torso_lift_link': _torso_lift(),
+    'shoulder_lift_link': _shoulder_lift(),
+    'elbow_flex_link': _elbow_flex(),
+    'forearm_roll_link': _forearm_roll(),
+    'wrist_flex_link': _wrist_flex(),
+    'wrist_roll_link': _wrist_roll(),
+    'gripper_link': _palm(),
+}
