@@ -45,6 +45,8 @@ class Environment(composer.Environment):
     The environment is set up for tasks that leave their MJCF alone between episodes.
     """
 
+    _reset_next_step: bool
+
     def __init__(self, task: composer.Task, random_state=None, **kwargs) -> None:
         """Initializes the environment.
 

@@ -12,6 +12,3 @@ PROP_CONTACT = {'contype': PROP, 'conaffinity': ROBOT | PROP}
 
 # Static scenery meets the robot and props, never other scenery.
 SCENERY_CONTACT = {'contype': 0, 'conaffinity': ROBOT | PROP}
-
-# Base and torso meet the arm and props, and the floor if they can move.
-TRUNK_CONTACT = {'contype': ROBOT, 'conaffinity': ROBOT | PROP}

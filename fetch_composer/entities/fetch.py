@@ -1,13 +1,14 @@
 """The Fetch mobile manipulator: its seven-joint arm and its two-fingered gripper."""
 
 import os
+from collections.abc import Iterable
 
 from dm_control import composer, mjcf
 from dm_control.composer import define
 from dm_control.composer.observation import observable
 from dm_control.entities.manipulators import base
 
-from fetch_composer.entities import contacts, hulls
+from fetch_composer.entities import hulls
 
 _DIRECTORY = os.path.dirname(__file__)
 _ARM_XML = os.path.join(_DIRECTORY, 'fetch_arm.xml')
@@ -21,15 +22,6 @@ ARM_JOINTS = (
     'forearm_roll_joint',
     'wrist_flex_joint',
     'wrist_roll_joint',
-)
-
-_TRUNK_HULLS = ('base_link', 'torso_fixed_link', 'torso_lift_link')
-_ARM_HULLS = (
-    'shoulder_lift_link',
-    'elbow_flex_link',
-    'forearm_roll_link',
-    'wrist_flex_link',
-    'wrist_roll_link',
 )
 
 # Gymnasium-Robotics holds its mobile base and torso with damping alone (N s/m).
@@ -50,17 +42,20 @@ def _compensate_gravity(mjcf_model: mjcf.RootElement, from_body: str) -> None:
         body.gravcomp = 1
 
 
-def _add_collision(body: mjcf.Element, name: str, **attributes) -> mjcf.Element:
-    """Gives `body` the hull of the link called `name` as what others collide with."""
-    mesh = body.root.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel())
-    return body.add(
-        'geom',
-        name=name.replace('_link', '_collision'),
-        dclass='collision',
-        type='mesh',
-        mesh=mesh,
-        **attributes,
-    )
+def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trunk: bool) -> None:
+    """Replaces the primitives that links collide with by their convex hulls."""
+    for name in names:
+        body = mjcf_model.find('body', name)
+        for geom in body.find_all('geom', immediate_children_only=True):
+            if geom.dclass is not None and geom.dclass.dclass in ('collision', 'trunk'):
+                geom.remove()
+        body.add(
+            'geom',
+            name=name.replace('_link', '_hull'),
+            dclass='trunk' if trunk else 'collision',
+            type='mesh',
+            mesh=mjcf_model.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel()),
+        )
 
 
 class FetchArm(base.RobotArm):
@@ -75,6 +70,7 @@ class FetchArm(base.RobotArm):
         name: str = 'fetch',
         damped_base: bool = False,
         gravity_compensation: bool = True,
+        exact_hulls: bool = False,
     ) -> None:
         """Builds the arm.
 
@@ -84,10 +80,14 @@ class FetchArm(base.RobotArm):
                 joints of immense damping and the base stands on the floor, which is how
                 Gymnasium-Robotics holds them.
             gravity_compensation: Whether the arm carries its own weight.
+            exact_hulls: Whether links collide with hulls of the shapes that they have in
+                Gymnasium-Robotics, or with a few primitives, which cost less.
         """
         self._mjcf_root = mjcf.from_path(_ARM_XML)
         self._mjcf_root.model = name
-        self._add_collisions()
+        if exact_hulls:
+            _collide_with_hulls(self._mjcf_root, hulls.TRUNK, trunk=True)
+            _collide_with_hulls(self._mjcf_root, hulls.ARM, trunk=False)
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
@@ -97,13 +97,6 @@ class FetchArm(base.RobotArm):
 
     def _build_observables(self):
         return FetchArmObservables(self)
-
-    def _add_collisions(self) -> None:
-        for name in _TRUNK_HULLS:
-            body = self._mjcf_root.find('body', name)
-            _add_collision(body, name, **contacts.TRUNK_CONTACT)
-        for name in _ARM_HULLS:
-            _add_collision(self._mjcf_root.find('body', name), name)
 
     def _add_base_joints(self) -> tuple[mjcf.Element, ...]:
         base_link = self._mjcf_root.find('body', 'base_link')
@@ -171,6 +164,7 @@ class FetchGripper(base.RobotHand):
         finger_joints: bool = False,
         actuated: bool = False,
         gravity_compensation: bool = True,
+        exact_hulls: bool = False,
     ) -> None:
         """Builds the gripper.
 
@@ -179,6 +173,7 @@ class FetchGripper(base.RobotHand):
             finger_joints: If false the gripper is locked: closed and rigid.
             actuated: Whether position servos drive the fingers; needs `finger_joints`.
             gravity_compensation: Whether the gripper carries its own weight.
+            exact_hulls: As for the arm, of the palm.
 
         Raises:
             ValueError: if `actuated` without `finger_joints`.
@@ -187,7 +182,8 @@ class FetchGripper(base.RobotHand):
             raise ValueError('`actuated` needs `finger_joints`: a locked gripper has no joints.')
         self._mjcf_root = mjcf.from_path(_GRIPPER_XML)
         self._mjcf_root.model = name
-        _add_collision(self.gripper_link, 'gripper_link')
+        if exact_hulls:
+            _collide_with_hulls(self._mjcf_root, hulls.PALM, trunk=False)
         self._joints: tuple[mjcf.Element, ...] = ()
         self._actuators: tuple[mjcf.Element, ...] = ()
         if finger_joints:

@@ -1,5 +1,8 @@
 """Convex hulls of those links of the Fetch that touch things, built from measured dimensions.
 
+The dimensions were measured on the links of Gymnasium-Robotics 1.4.2, whose contacts they are to
+reproduce; the shapes are built from them here.
+
 Every hull is given in the frame of its link, in m. A link of the arm is the hull of two turned
 parts, one about the axis of its roll and one about the axis of its bend; its ends are bevelled.
 The trunk is the hull of outlines at several heights.
@@ -8,6 +11,7 @@ The trunk is the hull of outlines at several heights.
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 # Rim of a bent joint's housing: (inset from its face along the axis, inset from its radius).
 _HOUSING_RIM = ((0.0125, 0.0), (0.0077, 0.0023), (0.0017, 0.0049), (0.0008, 0.0056),
@@ -34,8 +38,8 @@ def _turned(
     points = []
     for along, radius in profile:
         across = (radius * np.cos(angle), radius * np.sin(angle))
-        along = np.full(sides, along)
-        ring = (along, *across) if axis == 'x' else (across[0], along, across[1])
+        level = np.full(sides, along)
+        ring = (level, *across) if axis == 'x' else (across[0], level, across[1])
         points.append(np.stack(ring, axis=1))
     return np.concatenate(points) + np.array(centre)
 
@@ -45,9 +49,7 @@ def _rim(face: float, radius: float, rim: Sequence[tuple[float, float]]):
     return tuple((face - np.sign(face) * along, radius - inset) for along, inset in rim)
 
 
-def _mirrored(
-    level: float, half: Sequence[tuple[float, float]], axis: str = 'z'
-) -> np.ndarray:
+def _mirrored(level: float, half: npt.ArrayLike, axis: str = 'z') -> np.ndarray:
     """Returns (n, 3) points of an outline that is symmetric in y.
 
     Args:
@@ -55,11 +57,9 @@ def _mirrored(
         half: Its half with y >= 0: (x, y) if it cuts z, (y, z) if it cuts x.
         axis: 'x' or 'z'.
     """
-    half = np.array(half)
-    if axis == 'z':
-        right = np.column_stack((half, np.full(len(half), level)))
-    else:
-        right = np.column_stack((np.full(len(half), level), half))
+    points = np.array(half)
+    levels = np.full(len(points), level)
+    right = np.column_stack((points, levels) if axis == 'z' else (levels, points))
     return np.concatenate((right, right * (1, -1, 1)))
 
 
@@ -195,9 +195,19 @@ def _torso_lift() -> np.ndarray:
     corners = ((0.155, 0.3), (0.11, 0.603), (0.0, 0.495))  # x and z.
     points = [_mirrored(z, half) for z, half in outlines.items()]
     for (nx, ny, nz), distance in faces:
-        points.append([(x, (distance - nx * x - nz * z) / ny, z) for x, z in corners])
+        points.append(np.array([(x, (distance - nx * x - nz * z) / ny, z) for x, z in corners]))
     return np.concatenate(points)
 
+
+TRUNK = ('base_link', 'torso_fixed_link', 'torso_lift_link')
+ARM = (
+    'shoulder_lift_link',
+    'elbow_flex_link',
+    'forearm_roll_link',
+    'wrist_flex_link',
+    'wrist_roll_link',
+)
+PALM = ('gripper_link',)
 
 HULLS = {
     'base_link': _base(),

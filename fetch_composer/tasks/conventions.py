@@ -25,6 +25,7 @@ class Convention:
         name: As passed to `load`.
         damped_base: Whether base and torso slide on joints of immense damping, or are fixed.
         gravity_compensation: Whether the arm carries its own weight.
+        exact_hulls: Whether links collide with hulls of the peer's shapes, or with primitives.
         rigid_lock: Whether a locked gripper is rigid. If not, its fingers are free to slide
             within a control step and are put back at its end.
         settled_start: Whether an episode starts from the peer's settled state, or at rest with
@@ -40,6 +41,7 @@ class Convention:
     name: str
     damped_base: bool
     gravity_compensation: bool
+    exact_hulls: bool
     rigid_lock: bool
     settled_start: bool
     block_minus_gripper: bool
@@ -52,6 +54,7 @@ DOCUMENTED = Convention(
     name='documented',
     damped_base=False,
     gravity_compensation=True,
+    exact_hulls=False,
     rigid_lock=True,
     settled_start=False,
     block_minus_gripper=False,
@@ -64,6 +67,7 @@ GYMNASIUM = Convention(
     name='gymnasium',
     damped_base=True,
     gravity_compensation=False,
+    exact_hulls=True,
     rigid_lock=False,
     settled_start=True,
     block_minus_gripper=True,

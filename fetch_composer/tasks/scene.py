@@ -97,11 +97,13 @@ class Scene:
         self.arm = entities.FetchArm(
             damped_base=convention.damped_base,
             gravity_compensation=convention.gravity_compensation,
+            exact_hulls=convention.exact_hulls,
         )
         self.gripper = entities.FetchGripper(
             finger_joints=not (locked_gripper and convention.rigid_lock),
             actuated=not locked_gripper,
             gravity_compensation=convention.gravity_compensation,
+            exact_hulls=convention.exact_hulls,
         )
         self.arm.attach(self.gripper)
         self.arena.attach(self.arm).pos = workspace.robot_position
