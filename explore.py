@@ -8,6 +8,7 @@ import dataclasses
 import os
 import subprocess
 import sys
+import tempfile
 import typing
 from collections.abc import Sequence
 
@@ -16,7 +17,7 @@ from absl import app, flags, logging
 if typing.TYPE_CHECKING:
     from fetch_composer.exploration import run as run_lib
 
-_TASK = flags.DEFINE_string('task', 'push', 'Task to run: push.')
+_TASK = flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
 _POLICY = flags.DEFINE_string('policy', 'expert', 'Who acts: expert, random or zero.')
 _EPISODES = flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
 _SEED = flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')
@@ -28,7 +29,7 @@ _MAX_EPISODE_STEPS = flags.DEFINE_integer(
     'max_episode_steps', 50, 'Control steps of an episode, 25 to a second.'
 )
 _CAMERA = flags.DEFINE_string(
-    'camera', 'front', 'Where to film from: front, corner, side, top, close, ...'
+    'camera', 'corner', 'Where to film from: corner, front, side, top, close, ...'
 )
 _WIDTH = flags.DEFINE_integer('width', 480, 'Width of the film in pixels.')
 _HEIGHT = flags.DEFINE_integer('height', 360, 'Height of the film in pixels.')
@@ -133,12 +134,14 @@ def _choose_gl_backend() -> str | None:
 def _draws(backend: str) -> bool:
     """Returns whether a picture can be drawn; in another process, as MuJoCo chooses only once."""
     try:
-        probe = subprocess.run(
-            [sys.executable, '-c', _GL_PROBE],
-            env={**os.environ, _GL_VARIABLE: backend},
-            capture_output=True,
-            timeout=_GL_PROBE_SECONDS,
-        )
+        with tempfile.TemporaryDirectory() as folder:  # For the log that MuJoCo leaves.
+            probe = subprocess.run(
+                [sys.executable, '-c', _GL_PROBE],
+                env={**os.environ, _GL_VARIABLE: backend},
+                cwd=folder,
+                capture_output=True,
+                timeout=_GL_PROBE_SECONDS,
+            )
     except subprocess.TimeoutExpired:
         return False
     return probe.returncode == 0

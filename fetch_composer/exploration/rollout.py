@@ -8,7 +8,6 @@ import numpy as np
 
 import fetch_composer
 from fetch_composer import policies
-from fetch_composer.environment import SeededRandomState
 from fetch_composer.tasks import rewards
 
 
@@ -78,9 +77,8 @@ class Rollout:
         Raises:
             ValueError: if a name or an option is not valid; the message lists those that are.
         """
-        self._random_state = SeededRandomState()
         self._policy = policy
-        self.env = fetch_composer.load(task, seed=self._random_state, **task_kwargs)
+        self.env = fetch_composer.load(task, **task_kwargs)
         policies.load(policy, self.env)
 
     def run(self, seed: int, observe: Callable[[int], None] | None = None) -> Episode:
@@ -92,7 +90,7 @@ class Rollout:
             seed: A non-negative integer.
             observe: Called after the reset and after every step, with the number of steps so far.
         """
-        self._random_state.set_state(SeededRandomState(seed).get_state())
+        self.env.seed(seed)
         policy = policies.load(self._policy, self.env, seed=seed)
         policy.reset()
         time_step = self.env.reset()
