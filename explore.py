@@ -6,6 +6,7 @@ trajectories and a summary. Run `python explore.py --help` for the flags.
 
 import dataclasses
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,26 +18,18 @@ from absl import app, flags, logging
 if typing.TYPE_CHECKING:
     from fetch_composer.exploration import run as run_lib
 
-_TASK = flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
-_POLICY = flags.DEFINE_string('policy', 'expert', 'Who acts: expert, random or zero.')
-_EPISODES = flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
-_SEED = flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')
-_CONVENTION = flags.DEFINE_string(
-    'convention', 'documented', 'Reading of the task: documented or gymnasium.'
-)
-_REWARD_TYPE = flags.DEFINE_string('reward_type', 'sparse', 'Reward: sparse or dense.')
-_MAX_EPISODE_STEPS = flags.DEFINE_integer(
-    'max_episode_steps', 50, 'Control steps of an episode, 25 to a second.'
-)
-_CAMERA = flags.DEFINE_string(
-    'camera', 'corner', 'Where to film from: corner, front, side, top, close, ...'
-)
-_WIDTH = flags.DEFINE_integer('width', 480, 'Width of the film in pixels.')
-_HEIGHT = flags.DEFINE_integer('height', 360, 'Height of the film in pixels.')
-_FPS = flags.DEFINE_integer('fps', 25, 'Frames per second of the film; 25 is real time.')
-_OUTPUT_DIR = flags.DEFINE_string(
-    'output_dir', None, 'Folder to write into; by default output/<task>_<policy>.'
-)
+flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
+flags.DEFINE_string('policy', 'expert', 'Who acts: expert, random or zero.')
+flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
+flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')
+flags.DEFINE_string('convention', 'documented', 'Reading of the task: documented or gymnasium.')
+flags.DEFINE_string('reward_type', 'sparse', 'Reward: sparse or dense.')
+flags.DEFINE_integer('max_episode_steps', 50, 'Control steps of an episode, 25 to a second.')
+flags.DEFINE_string('camera', 'corner', 'Where to film from: corner, front, side, top, close, ...')
+flags.DEFINE_integer('width', 480, 'Width of the film in pixels.')
+flags.DEFINE_integer('height', 360, 'Height of the film in pixels.')
+flags.DEFINE_integer('fps', 25, 'Frames per second of the film; 25 is real time.')
+flags.DEFINE_string('output_dir', None, 'Folder to write into; by default output/<task>_<policy>.')
 
 _GL_VARIABLE = 'MUJOCO_GL'
 _BACKENDS = ('egl', 'osmesa', 'glfw')  # The last needs a display; macOS has no other.
@@ -54,7 +47,7 @@ _GL_ADVICE = (
     '`apt-get install libosmesa6` (OSMesa).'
 )
 
-_INTERRUPTED = 130  # What a shell reports after Ctrl-C.
+_SIGNALLED = 128  # Plus the signal's number: what a shell reports of a stopped process.
 
 
 def main(argv: list[str]) -> int:
@@ -65,7 +58,7 @@ def main(argv: list[str]) -> int:
         return _explore()
     except KeyboardInterrupt:
         print('\nInterrupted: no file was left half-written.', file=sys.stderr)
-        return _INTERRUPTED
+        return _SIGNALLED + signal.SIGINT
 
 
 def _explore() -> int:
@@ -91,7 +84,7 @@ def _explore() -> int:
     finally:
         run.close()
     _report(run, written)
-    return _INTERRUPTED if run.stopped_by else 0
+    return _SIGNALLED + run.stopped_by if run.stopped_by else 0
 
 
 def _flag_values(options_class) -> dict[str, typing.Any]:
@@ -102,7 +95,8 @@ def _flag_values(options_class) -> dict[str, typing.Any]:
 
 def _report(run: 'run_lib.Run', written: Sequence['run_lib.Written']) -> None:
     if run.stopped_by:
-        print(f'Stopped by {run.stopped_by} in episode {len(run.episodes) + 1}, which is dropped.')
+        dropped = len(run.episodes) + 1
+        print(f'Stopped by {run.stopped_by.name} in episode {dropped}, which is dropped.')
     if not run.episodes:
         print('No episode was finished; nothing was written.')
         return
@@ -115,7 +109,7 @@ def _report(run: 'run_lib.Run', written: Sequence['run_lib.Written']) -> None:
 
 def _choose_gl_backend() -> str | None:
     """Returns the OpenGL backend to take pictures with, or None, which is explained, for none."""
-    chosen = os.environ.get(_GL_VARIABLE)
+    chosen = os.environ.get(_GL_VARIABLE) or None
     if chosen in _NO_BACKEND_SYNONYMS:
         print(f'No pictures: {_GL_VARIABLE}={chosen}.')
         return None

@@ -11,7 +11,7 @@ from fetch_composer.tasks import rewards
 
 _SIZE = (9, 7)  # inches
 _DPI = 130
-_FEW = 12  # Up to so many episodes, each has a line that can be told from the others.
+_CLEAR = {'facecolor': style.PAPER, 'edgecolor': 'none', 'alpha': 0.8}  # Text over lines.
 
 
 def save_progress(
@@ -42,12 +42,17 @@ def save_progress(
         f'at the goal: within {threshold_cm:.0f} cm',
         xy=(1, threshold_cm), xycoords=('axes fraction', 'data'),
         xytext=(-6, 4), textcoords='offset points',
-        ha='right', va='bottom', fontsize=10, color=style.SUCCESS,
+        ha='right', va='bottom', fontsize=10, color=style.SUCCESS, bbox={**_CLEAR, 'pad': 1},
+        zorder=5,
     )  # fmt: skip
     _draw(distance_axes, seconds, distance_cm, episodes)
     distance_axes.set_ylabel('distance to goal (cm)', fontsize=11)
     distance_axes.set_ylim(bottom=0)
-    distance_axes.legend(fontsize=10, frameon=False, loc='upper right')
+    legend = distance_axes.legend(
+        fontsize=10, loc='upper right', edgecolor='none', facecolor=style.PAPER, framealpha=0.8
+    )
+    for handle in legend.legend_handles:
+        handle.set(alpha=1, linewidth=2.4)
 
     _draw(return_axes, seconds, returns, episodes)
     return_axes.set_ylabel('return so far', fontsize=11)
@@ -59,7 +64,7 @@ def save_progress(
 
 def _draw(axes, seconds, values, episodes: Sequence[rollout.Episode]) -> None:
     """Draws a line for each episode, coloured by how it ended, and the median of all."""
-    few = len(episodes) <= _FEW
+    alpha = float(np.clip(2.5 / np.sqrt(len(episodes)), 0.12, 0.7))
     labelled = set()
     # Failures last, so that they lie on top.
     for episode, line in sorted(
@@ -71,8 +76,8 @@ def _draw(axes, seconds, values, episodes: Sequence[rollout.Episode]) -> None:
             seconds,
             line,
             color=style.SUCCESS if reached else style.FAILURE,
-            alpha=0.7 if few else 0.25,
-            linewidth=1.3 if few else 0.8,
+            alpha=alpha,
+            linewidth=1.2,
             label=None if label in labelled else label,
         )
         labelled.add(label)

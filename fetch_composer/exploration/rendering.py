@@ -1,9 +1,9 @@
 """Frames of an episode, its film, and a contact sheet of many episodes."""
 
+import contextlib
 import dataclasses
 import pathlib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
 
 import imageio.v2 as imageio
 import matplotlib
@@ -70,18 +70,26 @@ class Camera:
         return self._env.physics.render(self._height, self._width, camera_id=self._name)
 
 
-def film_writer(path: pathlib.Path, fps: int) -> Any:
-    """Returns a context manager whose `append_data` adds a picture to an mp4 file."""
-    return imageio.get_writer(
-        path,
-        format='FFMPEG',
-        fps=fps,
-        codec='libx264',
-        quality=_QUALITY,
-        pixelformat='yuv420p',
-        macro_block_size=2,
-        ffmpeg_log_level='error',
-    )
+@contextlib.contextmanager
+def film(path: pathlib.Path, fps: int) -> Iterator[Callable[[np.ndarray], None]]:
+    """Gives a function that adds a picture, (height, width, 3) uint8, to an mp4 file.
+
+    The file takes its place once all pictures are in; none is left if that does not happen.
+    """
+    with recording.whole_file(path) as partial:
+        writer = imageio.get_writer(
+            partial,
+            format='FFMPEG',
+            fps=fps,
+            codec='libx264',
+            quality=_QUALITY,
+            pixelformat='yuv420p',
+            macro_block_size=2,
+            ffmpeg_log_level='error',
+        )
+        # As a context manager of its own, the writer would leave ffmpeg running on an exception.
+        with contextlib.closing(writer):
+            yield writer.append_data
 
 
 # -- The contact sheet: one row per episode, time from left to right ------------------------------
@@ -93,7 +101,7 @@ _MARGIN = 24
 _LABEL_WIDTH = 150
 _TITLE_HEIGHT = 52
 _HEADING_HEIGHT = 26
-_MAX_ROWS = 100  # A taller picture would open in few viewers.
+MAX_ROWS = 100  # A taller picture would open in few viewers.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,17 +132,14 @@ def thumbnail(picture: np.ndarray) -> Image.Image:
 def save_contact_sheet(
     path: pathlib.Path, strips: Sequence[Strip], title: str, control_timestep: float
 ) -> None:
-    """Writes a png with a row for each episode, the first hundred at most.
+    """Writes a png with a row for each episode.
 
     Args:
         path: The file.
-        strips: Rows of the sheet, of episodes of equal length.
+        strips: Rows of the sheet, `MAX_ROWS` at most, of episodes of equal length.
         title: Its title.
         control_timestep: Seconds from one control step to the next.
     """
-    if len(strips) > _MAX_ROWS:
-        title += f' · the first {_MAX_ROWS} of {len(strips)} episodes'
-    strips = strips[:_MAX_ROWS]
     width, height = strips[0].thumbnails[0].size
     top = _TITLE_HEIGHT + _HEADING_HEIGHT
     steps = shown_steps(strips[0].episode.steps)

@@ -113,7 +113,7 @@ class Run:
             self._rollout.env, options.camera, options.width, options.height
         )
         recording.prepare_folder(options.folder)
-        self.stopped_by: str | None = None
+        self.stopped_by: signal.Signals | None = None
         self.episodes: list[rollout.Episode] = []
         self._strips: list[rendering.Strip] = []
 
@@ -139,7 +139,7 @@ class Run:
             f'{100 * figures["success_rate"]:.1f} % of {len(self.episodes)} episodes end at the '
             f'goal, {100 * figures["final_distance_m"]["mean"]:.1f} cm away in the mean; '
             f'mean return {figures["return"]["mean"]:.4g}; '
-            f'{figures["control_steps_per_second"]:.0f} control steps/s without pictures.'
+            f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
         )
 
     def run(self) -> list[Written]:
@@ -172,7 +172,8 @@ class Run:
                     bar.set_description(f'episode {index + 1} of {options.episodes}')
                     self._run_episode(options.seed + index, observe)
             bar.close()
-            self.stopped_by = noted[0].name if noted else None
+            if len(self.episodes) < options.episodes:
+                self.stopped_by = noted[0]
             return self._write(time.perf_counter() - started) if self.episodes else []
 
     def _run_episode(self, seed: int, observe: Callable[[int], None]) -> None:
@@ -181,30 +182,31 @@ class Run:
             return
         options, thumbnails = self.options, []
         shown = rendering.shown_steps(options.max_episode_steps)
-        film = options.folder / _film_name(len(self.episodes))
-        with (
-            recording.whole_file(film) as partial,
-            rendering.film_writer(partial, options.fps) as writer,
-        ):
+        path = options.folder / _film_name(len(self.episodes))
+        with rendering.film(path, options.fps) as add_picture:
 
-            def take_picture(step: int) -> None:
+            def film(step: int) -> None:
                 observe(step)
                 picture = self._camera.picture()
-                writer.append_data(picture)
+                add_picture(picture)
                 if step in shown:
                     thumbnails.append(rendering.thumbnail(picture))
 
-            episode = self._rollout.run(seed, take_picture)
+            episode = self._rollout.run(seed, film)
         self.episodes.append(episode)
-        self._strips.append(rendering.Strip(episode, thumbnails))
+        if len(self._strips) < rendering.MAX_ROWS:
+            self._strips.append(rendering.Strip(episode, thumbnails))
 
     def _write(self, wall_seconds: float) -> list[Written]:
         folder = self.options.folder
         names_before = recording.load_json(folder / SUMMARY).get('files', ())
         written = []
         if self._gl_backend is not None:
+            title = self.title
+            if len(self._strips) < len(self.episodes):
+                title += f' · the first {len(self._strips)} are shown'
             rendering.save_contact_sheet(
-                folder / CONTACT_SHEET, self._strips, self.title, self._control_timestep
+                folder / CONTACT_SHEET, self._strips, title, self._control_timestep
             )
             films = tuple(_film_name(index) for index in range(len(self.episodes)))
             written += [
@@ -232,7 +234,7 @@ class Run:
         return {
             'flags': dataclasses.asdict(self.options),
             'episodes_finished': len(self.episodes),
-            'stopped_by': self.stopped_by,
+            'stopped_by': self.stopped_by.name if self.stopped_by else None,
             'wall_seconds': round(wall_seconds, 2),
             'gl_backend': self._gl_backend,
             'versions': recording.versions(),

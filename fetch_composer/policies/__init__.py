@@ -28,8 +28,10 @@ _EXPERTS = {'push': PushExpert}
 def _expert(env, seed) -> Policy:
     del seed  # Unused.
     if env.task.name not in _EXPERTS:
+        others = ', '.join(sorted(set(ALL) - {'expert'}))
         raise ValueError(
-            f'There is no expert for the task {env.task.name!r}, only for {", ".join(_EXPERTS)}.'
+            f'There is no expert for the task {env.task.name!r}, only for {", ".join(_EXPERTS)}; '
+            f'valid for every task are {others}.'
         )
     return _EXPERTS[env.task.name]()
 
