@@ -29,7 +29,10 @@ _SECONDS_TO_START = 60
 
 
 def _environment(**variables):
-    return {**os.environ, 'PYTHONPATH': str(_ROOT), **variables}
+    """Returns the environment of a user who has set these variables and has no display."""
+    unset = ('MUJOCO_GL', 'PYOPENGL_PLATFORM', 'DISPLAY')
+    inherited = {name: value for name, value in os.environ.items() if name not in unset}
+    return {**inherited, 'PYTHONPATH': str(_ROOT), **variables}
 
 
 def _explore(*flags, **variables):
@@ -222,12 +225,9 @@ def test_broken_opengl_is_noticed_and_the_rest_is_written(tmp_path):
     for name in ('libEGL.so', 'libEGL.so.1', 'libOSMesa.so', 'libOSMesa.so.6', 'libOSMesa.so.8'):
         (broken / name).write_text('not a library')
     folder = tmp_path / 'out'
-    variables = _environment(LD_LIBRARY_PATH=str(broken))
-    variables.pop('MUJOCO_GL', None)
-    variables.pop('DISPLAY', None)
     result = subprocess.run(
         [sys.executable, _EXPLORE, '--episodes=1', f'--output_dir={folder}'],
-        env=variables, cwd=tmp_path, capture_output=True, text=True,
+        env=_environment(LD_LIBRARY_PATH=str(broken)), cwd=tmp_path, capture_output=True, text=True,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert 'apt-get install libegl1 libgl1-mesa-dri' in result.stdout
