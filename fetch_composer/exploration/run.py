@@ -135,9 +135,10 @@ class Run:
     def result(self) -> str:
         """Says in one line how the finished episodes went."""
         figures = recording.summarize(self.episodes)
+        distance_cm = 100 * figures['final_distance_m']['mean']
         return (
-            f'{100 * figures["success_rate"]:.1f} % of {len(self.episodes)} episodes end at the '
-            f'goal, {100 * figures["final_distance_m"]["mean"]:.1f} cm away in the mean; '
+            f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
+            f'{len(self.episodes)}; mean distance {distance_cm:.1f} cm; '
             f'mean return {figures["return"]["mean"]:.4g}; '
             f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
         )
