@@ -1,0 +1,89 @@
+"""A scripted expert for Push: get behind the block, push it to its goal, leave it there.
+
+It reads positions only, and so needs neither the convention nor the reward type.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+# Heights of the observed grip site in m. The fingertips are 0.0185 m below it, the block's top
+# is at 0.45 and the table's surface at 0.4.
+_PUSHING_HEIGHT = 0.425
+_TRAVEL_HEIGHT = 0.49
+_LOW = 0.45  # Below this the fingers are beside the block, and can push it ...
+_HIGH = 0.475  # ... and above this they are over it.
+
+# Distances in m, in the plane of the table.
+_BEHIND = 0.065  # From the block's centre to the place where a push begins.
+_CLEARANCE = 0.055  # Low fingers this near to the block's centre may touch it ...
+_BREAK_AWAY = 0.075  # ... and this near they would drag it along as they rise.
+_TOUCHING = 0.02  # A gripper that is not this far behind the block's centre cannot push it.
+_IN_LINE = 0.03  # A gripper further than this beside the line to the goal pushes askew.
+_HOME = 0.015  # From block to goal, where a push ends ...
+_CLOSE_ENOUGH = 0.04  # ... and where going around the block for another is not worth it.
+
+_METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
+_GAIN = 1.5  # The weld is soft: the gripper moves about two thirds of what is asked for.
+
+# A push, in m per control step. Faster, the block tips and glides on past its goal.
+_FASTEST = 0.033
+_SLOWEST = 0.004
+_BRAKING = 0.25  # Per step, this share of what is left to the goal.
+_LOOKAHEAD = 0.04  # A gripper that is this far beside the line returns to it at 45 degrees.
+
+
+class PushExpert:
+    """Pushes the block to its goal; keeps nothing from one step to the next."""
+
+    def reset(self) -> None:
+        """Does nothing: each action depends on the present observation alone."""
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns an action, (4,) float32, for an observation of Push in either convention."""
+        gripper = observation['observation'][:3]
+        block = observation['observation'][3:5]
+        to_goal = observation['desired_goal'][:2] - block
+        distance = np.linalg.norm(to_goal)
+        ahead = to_goal / max(distance, _SLOWEST)
+
+        from_block = gripper[:2] - block
+        along = from_block @ ahead
+        beside = from_block - along * ahead
+        ready = gripper[2] < _LOW and along < -_TOUCHING and np.linalg.norm(beside) < _IN_LINE
+
+        if distance < (_HOME if ready else _CLOSE_ENOUGH):
+            return _action(np.zeros(2), 0.0)
+        if ready:
+            speed = min(_SLOWEST + _BRAKING * distance, _FASTEST)
+            return _action(speed * (ahead - beside / _LOOKAHEAD), _PUSHING_HEIGHT - gripper[2])
+        return _go_to(-_BEHIND * ahead, from_block, gripper[2])
+
+
+def _go_to(place: np.ndarray, from_block: np.ndarray, height: float) -> np.ndarray:
+    """Returns the action that brings the gripper to a place beside the block.
+
+    Args:
+        place: (2,) where to go, from the block's centre, in m.
+        from_block: (2,) where the gripper is, from the block's centre, in m.
+        height: Height of the gripper in m.
+    """
+    way = place - from_block
+    if not _passes_block(from_block, way):
+        return _action(way, _PUSHING_HEIGHT - height)
+    if height < _HIGH and np.linalg.norm(from_block) < _BREAK_AWAY:
+        way = from_block
+    return _action(way, _TRAVEL_HEIGHT - height)
+
+
+def _passes_block(from_block: np.ndarray, way: np.ndarray) -> bool:
+    """Returns whether the straight way of a low gripper leads too near to the block."""
+    share_of_way = np.clip(-from_block @ way / max(way @ way, 1e-9), 0, 1)
+    nearest = from_block + share_of_way * way
+    return bool(np.linalg.norm(nearest) < _CLEARANCE)
+
+
+def _action(xy: np.ndarray, z: float) -> np.ndarray:
+    """Returns the action that moves the gripper by `xy` and `z` m, or as far as it can."""
+    displacement = np.array([*xy, z, 0.0]) * _GAIN / _METRES_PER_UNIT
+    return np.clip(displacement, -1, 1).astype(np.float32)

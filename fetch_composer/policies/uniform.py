@@ -1,0 +1,37 @@
+"""The policy that knows nothing: actions drawn uniformly from all that are allowed."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from dm_env import specs
+
+# An environment with the same seed draws from `SeedSequence(seed)`. Without a stream of its
+# own the policy would repeat those very draws, and its actions would tell of the goal.
+_STREAM = 1
+
+
+class UniformPolicy:
+    """Draws every action uniformly between the bounds of an action spec."""
+
+    def __init__(self, action_spec: specs.BoundedArray, seed: int | None = None) -> None:
+        """Initializes the policy.
+
+        Args:
+            action_spec: Shape, dtype and bounds of an action.
+            seed: A non-negative integer, or None for entropy from the operating system.
+        """
+        self._spec = action_spec
+        self._generator = np.random.Generator(
+            np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+        )
+
+    def reset(self) -> None:
+        """Does nothing: the draws go on, so that episodes differ."""
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns an action, (4,) float32, whatever the observation."""
+        del observation  # Unused.
+        action = self._generator.uniform(
+            self._spec.minimum, self._spec.maximum, size=self._spec.shape
+        )
+        return action.astype(self._spec.dtype)

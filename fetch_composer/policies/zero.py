@@ -1,0 +1,22 @@
+"""The policy that asks for no motion."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from dm_env import specs
+
+
+class ZeroPolicy:
+    """Returns zeros: `documented` then holds the gripper still, `gymnasium` lets it drift."""
+
+    def __init__(self, action_spec: specs.Array) -> None:
+        """Initializes the policy with the shape and dtype of an action."""
+        self._spec = action_spec
+
+    def reset(self) -> None:
+        """Does nothing: there is nothing to reset."""
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns an action, (4,) float32, whatever the observation."""
+        del observation  # Unused.
+        return np.zeros(self._spec.shape, self._spec.dtype)

@@ -1,0 +1,364 @@
+"""explore.py and the files that it writes, driven as a user drives it."""
+
+import dataclasses
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+import fetch_composer
+from fetch_composer.exploration import recording, rendering, rollout
+from fetch_composer.exploration import run as run_lib
+
+_ROOT = pathlib.Path(__file__).parent.parent
+_EXPLORE = str(_ROOT / 'explore.py')
+
+_EPISODES = 2
+_STEPS = 9
+_SEED = 7
+_SMALL = ('--width=96', '--height=64')
+_PLAIN_FILES = {'progress.png', 'summary.json', 'trajectories.npz'}
+_SECONDS_TO_START = 60
+
+
+def _environment(**variables):
+    """Returns the environment of a user who has set these variables and has no display."""
+    unset = ('MUJOCO_GL', 'PYOPENGL_PLATFORM', 'DISPLAY')
+    inherited = {name: value for name, value in os.environ.items() if name not in unset}
+    return {**inherited, 'PYTHONPATH': str(_ROOT), **variables}
+
+
+def _explore(*flags, **variables):
+    return subprocess.run(
+        [sys.executable, _EXPLORE, *flags],
+        env=_environment(**variables),
+        capture_output=True,
+        text=True,
+    )
+
+
+def _names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def _summary(folder):
+    return json.loads((folder / 'summary.json').read_text())
+
+
+def _options(**changes):
+    options = run_lib.Options(
+        task='push', policy='zero', episodes=1, seed=0, convention='documented',
+        reward_type='sparse', max_episode_steps=3, camera='front', width=96, height=64, fps=25,
+        output_dir=None,
+    )  # fmt: skip
+    return dataclasses.replace(options, **changes)
+
+
+# -- A whole run, with pictures --------------------------------------------------------------------
+
+
+@pytest.fixture(scope='module')
+def filmed(tmp_path_factory):
+    """Returns the folder and the standard output of a short run."""
+    folder = tmp_path_factory.mktemp('explore') / 'new' / 'folder'
+    result = _explore(
+        f'--episodes={_EPISODES}', f'--max_episode_steps={_STEPS}', f'--seed={_SEED}',
+        '--reward_type=dense', '--fps=20', f'--output_dir={folder}', *_SMALL,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert 'Traceback' not in result.stderr
+    if _summary(folder)['gl_backend'] is None:
+        pytest.skip('no OpenGL backend works here')
+    return folder, result.stdout
+
+
+def test_run_writes_what_it_says_and_nothing_else(filmed):
+    folder, _ = filmed
+    expected = {'contact_sheet.png', 'episode_000.mp4', 'episode_001.mp4', *_PLAIN_FILES}
+    assert _names(folder) == expected
+    assert set(_summary(folder)['files']) == expected
+
+
+def test_run_ends_by_saying_what_to_open(filmed):
+    folder, stdout = filmed
+    assert str(folder) in stdout
+    for name in _names(folder):
+        assert name in stdout
+
+
+def test_films_have_a_frame_for_every_step_and_the_reset(filmed):
+    folder, _ = filmed
+    for index in range(_EPISODES):
+        with imageio.get_reader(folder / f'episode_{index:03d}.mp4') as film:
+            frames = [np.asarray(frame) for frame in film]
+            assert film.get_meta_data()['fps'] == 20
+        assert len(frames) == _STEPS + 1
+        assert all(frame.shape == (64, 96, 3) for frame in frames)
+        assert all(frame.std() > 10 for frame in frames)  # A scene, not a blank.
+        assert np.abs(frames[0].astype(int) - frames[-1]).mean() > 1  # The arm has moved.
+
+
+def test_pictures_open(filmed):
+    folder, _ = filmed
+    sheet = imageio.imread(folder / 'contact_sheet.png')
+    plot = imageio.imread(folder / 'progress.png')
+    assert sheet.shape[0] > _EPISODES * 150
+    assert plot.shape[0] > 600
+    assert sheet.std() > 10 and plot.std() > 10
+
+
+def test_trajectories_are_those_of_the_environment(filmed):
+    folder, _ = filmed
+    with np.load(folder / 'trajectories.npz') as file:
+        saved = dict(file)
+    assert saved['observation'].shape == (_EPISODES, _STEPS + 1, 25)
+    assert saved['achieved_goal'].shape == (_EPISODES, _STEPS + 1, 3)
+    assert saved['desired_goal'].shape == (_EPISODES, _STEPS + 1, 3)
+    assert saved['distance'].shape == (_EPISODES, _STEPS + 1)
+    assert saved['action'].shape == (_EPISODES, _STEPS, 4)
+    assert saved['action'].dtype == np.float32
+    assert saved['seed'].tolist() == [_SEED, _SEED + 1]
+
+    for index, seed in enumerate(saved['seed'].tolist()):
+        env = fetch_composer.load('push', seed=seed, reward_type='dense')
+        time_step = env.reset()
+        for step, action in enumerate(saved['action'][index]):
+            for name, value in time_step.observation.items():
+                np.testing.assert_array_equal(saved[name][index, step], value)
+            time_step = env.step(action)
+            assert saved['reward'][index, step] == time_step.reward
+
+
+def test_summary_tells_what_the_trajectories_hold(filmed):
+    folder, _ = filmed
+    summary = _summary(folder)
+    with np.load(folder / 'trajectories.npz') as file:
+        saved = dict(file)
+    assert summary['episodes_finished'] == _EPISODES
+    assert summary['stopped_by'] is None
+    assert summary['flags']['seed'] == _SEED
+    assert summary['flags']['reward_type'] == 'dense'
+    assert summary['versions']['mujoco']
+    assert summary['control_steps_per_second'] > 0
+    assert summary['success_rate'] == np.mean(saved['distance'][:, -1] < 0.05)
+    assert summary['return']['mean'] == pytest.approx(saved['reward'].sum(axis=1).mean())
+    assert summary['final_distance_m']['max'] == pytest.approx(saved['distance'][:, -1].max())
+    for index, episode in enumerate(summary['episodes']):
+        assert episode['seed'] == saved['seed'][index]
+        assert episode['is_success'] == saved['is_success'][index]
+
+
+# -- Interruption ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_keeps_the_finished_episodes_and_says_so(tmp_path, number):
+    process = subprocess.Popen(
+        [
+            sys.executable, _EXPLORE, '--episodes=500', '--max_episode_steps=5',
+            f'--output_dir={tmp_path}', *_SMALL,
+        ],
+        env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + _SECONDS_TO_START
+    while time.monotonic() < deadline and process.poll() is None:
+        if (tmp_path / 'episode_001.mp4').exists():
+            break
+        time.sleep(0.05)
+    process.send_signal(number)
+    stdout, stderr = process.communicate(timeout=_SECONDS_TO_START)
+
+    if 'No pictures' in stdout:
+        pytest.skip('no OpenGL backend works here')
+    assert process.returncode == 128 + number, stderr
+    assert f'Stopped by {number.name}' in stdout
+    assert 'Traceback' not in stderr
+    summary = _summary(tmp_path)
+    finished = summary['episodes_finished']
+    films = {f'episode_{index:03d}.mp4' for index in range(finished)}
+    assert 2 <= finished < 500
+    assert summary['stopped_by'] == number.name
+    assert _names(tmp_path) == {*films, 'contact_sheet.png', *_PLAIN_FILES}
+    with np.load(tmp_path / 'trajectories.npz') as file:
+        assert file['reward'].shape == (finished, 5)
+    for film in films:
+        assert len(imageio.mimread(tmp_path / film)) == 6
+
+
+def test_an_interruption_before_the_first_episode_leaves_earlier_files_alone(tmp_path):
+    run = run_lib.Run(_options(output_dir=str(tmp_path), max_episode_steps=10**6), None)
+    (tmp_path / 'summary.json').write_text('{"earlier": true}')
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        assert run.run() == []
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    run.close()
+    assert run.stopped_by == signal.SIGINT
+    assert _names(tmp_path) == {'summary.json'}
+    assert _summary(tmp_path) == {'earlier': True}
+
+
+# -- Without pictures ------------------------------------------------------------------------------
+
+
+def test_pictures_can_be_switched_off(tmp_path):
+    result = _explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='disabled')
+    assert result.returncode == 0, result.stderr
+    assert 'No pictures: MUJOCO_GL=disabled' in result.stdout
+    assert 'apt-get' not in result.stdout
+    assert _names(tmp_path) == _PLAIN_FILES
+    assert _summary(tmp_path)['gl_backend'] is None
+
+
+def test_broken_opengl_is_noticed_and_the_rest_is_written(tmp_path):
+    broken = tmp_path / 'broken'
+    broken.mkdir()
+    for name in ('libEGL.so', 'libEGL.so.1', 'libOSMesa.so', 'libOSMesa.so.6', 'libOSMesa.so.8'):
+        (broken / name).write_text('not a library')
+    folder = tmp_path / 'out'
+    result = subprocess.run(
+        [sys.executable, _EXPLORE, '--episodes=1', f'--output_dir={folder}'],
+        env=_environment(LD_LIBRARY_PATH=str(broken)), cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert 'apt-get install libegl1 libgl1-mesa-dri' in result.stdout
+    assert 'apt-get install libosmesa6' in result.stdout
+    assert _names(folder) == _PLAIN_FILES
+    assert _names(tmp_path) == {'broken', 'out'}
+
+
+def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
+    result = _explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='nonsense')
+    assert result.returncode == 0, result.stderr
+    assert 'MUJOCO_GL=nonsense is set, and does not work here' in result.stdout
+    assert _names(tmp_path) == _PLAIN_FILES
+
+
+# -- Mistakes --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'task': 'pusch'}, r"Unknown task 'pusch'; valid are .*push"),
+        ({'policy': 'exprt'}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
+        ({'convention': 'v1'}, r"Unknown convention 'v1'; valid are documented, gymnasium"),
+        ({'reward_type': 'shaped'}, r"Unknown reward_type 'shaped'; valid are sparse, dense"),
+        ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
+        ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
+        ({'episodes': 0}, r'episodes must be a positive integer, got 0'),
+        ({'seed': -1}, r'seed must be a non-negative integer, got -1'),
+        ({'width': 0}, r'width must be an even number of pixels from 64 to 3840, got 0'),
+        ({'width': 1_000_000}, r'width must be .* got 1000000'),
+        ({'height': 65}, r'height must be an even number of pixels from 64 to 2160, got 65'),
+        ({'fps': 0}, r'fps must be from 1 to 120'),
+    ],
+)
+def test_a_mistake_is_named_before_anything_is_written(tmp_path, changes, message):
+    folder = tmp_path / 'out'
+    with pytest.raises(ValueError, match=message):
+        run_lib.Run(_options(output_dir=str(folder), **changes), None)
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ('flag', 'message'),
+    [
+        ('--task=pusch', "error: Unknown task 'pusch'; valid are "),
+        ('--output_dir={file}/out', 'error: Cannot write into --output_dir {file}/out: '),
+        ('pusch', "error: unexpected argument 'pusch'"),
+    ],
+)
+def test_a_mistake_is_one_line_without_a_traceback(tmp_path, flag, message):
+    file = tmp_path / 'file'
+    file.write_text('earlier')
+    result = _explore(flag.format(file=file), MUJOCO_GL='disabled')
+    assert result.returncode == 1
+    assert message.format(file=file) in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert _names(tmp_path) == {'file'}
+    assert file.read_text() == 'earlier'
+
+
+def test_a_missing_extra_is_named_with_the_way_to_install_it(tmp_path):
+    (tmp_path / 'tqdm.py').write_text('raise ModuleNotFoundError("No tqdm", name="tqdm")')
+    result = _explore(PYTHONPATH=f'{tmp_path}:{_ROOT}', MUJOCO_GL='disabled')
+    assert result.returncode == 1
+    assert "tqdm is not installed: pip install 'fetch_composer[explore]'" in result.stderr
+    assert 'Traceback' not in result.stderr
+
+
+def test_the_package_itself_needs_no_extra():
+    code = (
+        'import sys, fetch_composer, fetch_composer.policies\n'
+        'needless = {"fetch_composer.exploration", "imageio", "matplotlib", "tqdm", "PIL"}\n'
+        'assert not needless & set(sys.modules), needless & set(sys.modules)'
+    )
+    subprocess.run([sys.executable, '-c', code], env=_environment(MUJOCO_GL='off'), check=True)
+
+
+# -- Rooms -----------------------------------------------------------------------------------------
+
+
+def test_an_episode_depends_on_its_seed_alone():
+    first = rollout.Rollout('push', 'random', max_episode_steps=20)
+    first.run(0)
+    first.run(1)
+    repeated = first.run(3)
+    fresh = rollout.Rollout('push', 'random', max_episode_steps=20).run(3)
+    for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
+        np.testing.assert_array_equal(getattr(repeated, name), getattr(fresh, name))
+    start = fetch_composer.load('push', seed=3).reset().observation
+    np.testing.assert_array_equal(fresh.observation[0], start['observation'])
+    np.testing.assert_array_equal(fresh.desired_goal[0], start['desired_goal'])
+
+
+def test_every_task_can_be_explored(tmp_path):
+    for task in fetch_composer.ALL:
+        folder = tmp_path / task
+        run = run_lib.Run(_options(task=task, policy='random', output_dir=str(folder)), None)
+        run.run()
+        run.close()
+        assert _names(folder) == _PLAIN_FILES
+        assert _summary(folder)['flags']['task'] == task
+
+
+def test_an_earlier_run_leaves_no_films_behind_that_could_be_taken_for_new_ones(tmp_path):
+    for name in ('episode_000.mp4', 'episode_001.mp4', 'contact_sheet.png', 'notes.txt'):
+        (tmp_path / name).write_text('earlier')
+    files = ['episode_001.mp4', 'contact_sheet.png', 'notes.txt', '../elsewhere']
+    (tmp_path / 'summary.json').write_text(json.dumps({'files': files}))
+    run = run_lib.Run(_options(output_dir=str(tmp_path)), None)
+    run.run()
+    run.close()
+    # Only what the earlier run has listed, and what only a run can have written, is gone.
+    assert _names(tmp_path) == {'episode_000.mp4', 'notes.txt', *_PLAIN_FILES}
+
+
+def test_a_file_appears_whole_or_not_at_all(tmp_path):
+    path = tmp_path / 'file.txt'
+    with recording.whole_file(path) as partial:
+        partial.write_text('whole')
+        assert not path.exists()
+    assert path.read_text() == 'whole'
+    with pytest.raises(RuntimeError), recording.whole_file(path) as partial:
+        partial.write_text('ha')
+        raise RuntimeError
+    assert path.read_text() == 'whole'
+    assert _names(tmp_path) == {'file.txt'}
+
+
+@pytest.mark.parametrize(('steps', 'shown'), [(50, 8), (7, 8), (3, 4), (1, 2)])
+def test_a_contact_sheet_shows_start_and_end_and_no_step_twice(steps, shown):
+    selected = rendering.shown_steps(steps)
+    assert len(selected) == len(set(selected)) == shown
+    assert selected[0] == 0 and selected[-1] == steps
