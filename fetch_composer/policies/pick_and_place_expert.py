@@ -7,8 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-# How far the observed grip site hovers above the block's centre, in m. The fingertips are
-# 0.0185 m below it and the block's top is 0.025 m above its centre.
+from fetch_composer.policies import motion
+
+# Height of the observed grip site above the block's centre, in m, at which the fingers pass over
+# the block: the fingertips are 0.0185 m below the site, the block's top is 0.025 m above its
+# centre.
 _HOVER = 0.06
 
 _ABOVE = 0.02  # So near to the block's axis, in m, the open fingers can go down around it ...
@@ -20,9 +23,6 @@ _OPEN = 0.04
 _CLOSED = 0.03
 
 _OPENING, _CLOSING = 1.0, -1.0  # Fourth component of an action.
-
-_METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
-_GAIN = 1.5  # The weld is soft: the gripper moves about two thirds of what is asked for.
 
 
 class PickAndPlaceExpert:
@@ -40,15 +40,9 @@ class PickAndPlaceExpert:
         distance = np.linalg.norm(to_block)
 
         if distance < _HELD and fingers.max() < _CLOSED:
-            return _action(observation['desired_goal'] - block, _CLOSING)
+            return motion.move(observation['desired_goal'] - block, _CLOSING)
         if distance < _AROUND:
-            return _action(to_block, _CLOSING)
+            return motion.move(to_block, _CLOSING)
         if np.linalg.norm(to_block[:2]) < _ABOVE and fingers.min() > _OPEN:
-            return _action(to_block, _OPENING)
-        return _action(to_block + (0.0, 0.0, _HOVER), _OPENING)
-
-
-def _action(way: np.ndarray, fingers: float) -> np.ndarray:
-    """Returns the action that moves the gripper by `way`, (3,) in m, or as far as it can."""
-    displacement = way * _GAIN / _METRES_PER_UNIT
-    return np.clip([*displacement, fingers], -1, 1).astype(np.float32)
+            return motion.move(to_block, _OPENING)
+        return motion.move(to_block + (0.0, 0.0, _HOVER), _OPENING)
