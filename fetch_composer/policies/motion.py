@@ -1,18 +1,17 @@
 """How an action moves the gripper, for the experts that plan in metres."""
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fetch_composer.tasks.goal_task import METRES_PER_UNIT
 
-# The weld is soft: in one control step the gripper moves about two thirds of what is asked for.
+# The weld is soft: in one control step the gripper moves two thirds of what is asked for.
 _GAIN = 1.5
 
 FURTHEST = METRES_PER_UNIT / _GAIN  # m along an axis that the gripper moves in one control step.
 
 
-def move(way: Sequence[float], fingers: float = 0.0) -> np.ndarray:
+def move(way: ArrayLike, fingers: float = 0.0) -> np.ndarray:
     """Returns the action that moves the gripper in one control step, or as far as it can.
 
     Args:
