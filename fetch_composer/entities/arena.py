@@ -18,6 +18,8 @@ _CAMERAS = {
 }
 CAMERAS = tuple(_CAMERAS)
 
+_LARGEST_PICTURE = (1280, 960)  # Width and height in pixels.
+
 
 _LIGHT_POSITION = (2.6, 0.0, 3.2)  # m
 _LIGHT_AIM = (1.1, 0.75, 0.4)  # m
@@ -50,7 +52,9 @@ class Arena(composer.Arena):
         self.mjcf_model.option.noslip_iterations = 0
         self._add_floor()
         self._add_light()
-        self.mjcf_model.visual.quality.shadowsize = 4096
+        self.mjcf_model.visual.quality.shadowsize = 2048
+        visual_global = getattr(self.mjcf_model.visual, 'global')
+        visual_global.offwidth, visual_global.offheight = _LARGEST_PICTURE
         self.mjcf_model.visual.map.znear = 0.01
         self.mjcf_model.visual.map.zfar = 50
         self.mjcf_model.statistic.center = (1.1, 0.75, 0.5)

@@ -5,7 +5,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from fetch_composer.policies.pick_and_place_expert import PickAndPlaceExpert
 from fetch_composer.policies.push_expert import PushExpert
+from fetch_composer.policies.reach_expert import ReachExpert
+from fetch_composer.policies.slide_expert import SlideExpert
 from fetch_composer.policies.uniform import UniformPolicy
 from fetch_composer.policies.zero import ZeroPolicy
 
@@ -22,7 +25,12 @@ class Policy(Protocol):
         """Returns an action, (4,) float32 in [-1, 1], for an environment's observation."""
 
 
-_EXPERTS = {'push': PushExpert}
+_EXPERTS: dict[str, type[Policy]] = {
+    'pick_and_place': PickAndPlaceExpert,
+    'push': PushExpert,
+    'reach': ReachExpert,
+    'slide': SlideExpert,
+}
 
 
 def _expert(env, seed) -> Policy:

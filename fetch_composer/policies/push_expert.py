@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fetch_composer.policies import motion
+
 # Heights of the observed grip site in m. The fingertips are 0.0185 m below it, the block's top
 # is at 0.45 and the table's surface at 0.4.
 _PUSHING_HEIGHT = 0.425
@@ -22,9 +24,6 @@ _TOUCHING = 0.02  # A gripper that is not this far behind the block's centre can
 _IN_LINE = 0.03  # A gripper further than this beside the line to the goal pushes askew.
 _HOME = 0.015  # From block to goal, where a push ends ...
 _CLOSE_ENOUGH = 0.04  # ... and where going around the block for another is not worth it.
-
-_METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
-_GAIN = 1.5  # The weld is soft: the gripper moves about two thirds of what is asked for.
 
 # A push, in m per control step. Faster, the block tips and glides on past its goal.
 _FASTEST = 0.033
@@ -53,10 +52,12 @@ class PushExpert:
         ready = gripper[2] < _LOW and along < -_TOUCHING and np.linalg.norm(beside) < _IN_LINE
 
         if distance < (_HOME if ready else _CLOSE_ENOUGH):
-            return _action(np.zeros(2), 0.0)
+            return motion.move(np.zeros(3))
         if ready:
             speed = min(_SLOWEST + _BRAKING * distance, _FASTEST)
-            return _action(speed * (ahead - beside / _LOOKAHEAD), _PUSHING_HEIGHT - gripper[2])
+            return motion.move(
+                (*(speed * (ahead - beside / _LOOKAHEAD)), _PUSHING_HEIGHT - gripper[2])
+            )
         return _go_to(-_BEHIND * ahead, from_block, gripper[2])
 
 
@@ -70,10 +71,10 @@ def _go_to(place: np.ndarray, from_block: np.ndarray, height: float) -> np.ndarr
     """
     way = place - from_block
     if not _passes_block(from_block, way):
-        return _action(way, _PUSHING_HEIGHT - height)
+        return motion.move((*way, _PUSHING_HEIGHT - height))
     if height < _HIGH and np.linalg.norm(from_block) < _BREAK_AWAY:
         way = from_block
-    return _action(way, _TRAVEL_HEIGHT - height)
+    return motion.move((*way, _TRAVEL_HEIGHT - height))
 
 
 def _passes_block(from_block: np.ndarray, way: np.ndarray) -> bool:
@@ -81,9 +82,3 @@ def _passes_block(from_block: np.ndarray, way: np.ndarray) -> bool:
     share_of_way = np.clip(-from_block @ way / max(way @ way, 1e-9), 0, 1)
     nearest = from_block + share_of_way * way
     return bool(np.linalg.norm(nearest) < _CLEARANCE)
-
-
-def _action(xy: np.ndarray, z: float) -> np.ndarray:
-    """Returns the action that moves the gripper by `xy` and `z` m, or as far as it can."""
-    displacement = np.array([*xy, z, 0.0]) * _GAIN / _METRES_PER_UNIT
-    return np.clip(displacement, -1, 1).astype(np.float32)
