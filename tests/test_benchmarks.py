@@ -1,7 +1,6 @@
 """The benchmarks work and say what they measured. Nothing here depends on how fast anything is."""
 
 import json
-import math
 import os
 import subprocess
 import sys
@@ -45,14 +44,11 @@ def test_goals_are_judged(quick_results):
         assert (row['goal'] is None) == (row['reached'] is None)
 
 
-def test_parts_of_a_control_step_add_up_to_the_whole(quick_results):
-    # Each is a median of its own, so the sum is near the whole and not equal to it.
+def test_a_control_step_is_taken_apart(quick_results):
     (breakdown,) = quick_results['breakdowns']
     parts = breakdown['parts']
     assert {'physics', 'observation', 'refresh of kinematics'} <= set(parts)
-    measured = sum(time for name, time in parts.items() if name != 'Composer, time step')
-    assert measured > 0
-    assert all(math.isfinite(time) for time in parts.values())
+    assert all(0 < time < breakdown['whole'] for time in parts.values())
 
 
 def test_the_table_has_a_line_for_every_row(quick):

@@ -75,8 +75,8 @@ class _Stopwatch:
 def build(convention: str, num_envs: int | None = None, num_threads: int = 1):
     """Returns what measures one round.
 
-    Its results are the microseconds, of a control step of one environment, that each part took
-    in an episode. The whole is measured in an episode without stopwatches.
+    Its results are the microseconds, of a control step of one environment, that each part and
+    the whole took in an episode. The stopwatches themselves, some 2 µs, are in the rest.
 
     Args:
         convention: 'documented' or 'gymnasium'.
@@ -97,7 +97,7 @@ def build(convention: str, num_envs: int | None = None, num_threads: int = 1):
     inputs = rounds.episode_actions(0, num_envs)[:-1]
 
     def start_episode(episode: int):
-        env.seed(episode // 2 * (num_envs or 1))
+        env.seed(episode * (num_envs or 1))
         env.reset()
         return inputs
 
@@ -105,9 +105,8 @@ def build(convention: str, num_envs: int | None = None, num_threads: int = 1):
     microseconds = 1e6 / len(inputs) / (num_envs or 1)
 
     def measure() -> dict[str, float]:
-        whole = episode_steps() * 1e6
         with stopwatch.attached():
-            episode_steps()
+            whole = episode_steps() * 1e6
         spent = {part: 0.0 for _, _, part in parts}
         spent.update({part: s * microseconds for part, s in stopwatch.seconds.items()})
         return {**spent, _REST: whole - sum(spent.values()), 'whole': whole}
