@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+# For EnvPool, which needs it; `make bench PYTHON312=...` if it is elsewhere.
+PYTHON312 ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.12.*/bin/python3.12) python3.12)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 # Runs a command as root where that is permitted without a password.
@@ -38,8 +40,11 @@ build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in 
 	  echo "$$package works"; \
 	done
 
-clean:  ## Remove everything that was made, the virtual environment included.
-	rm -rf $(VENV) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
+bench: $(VENV)/.test peers  ## Measure speed, start-up and memory beside the peers; about ten minutes.
+	$(BIN)/python -m benchmarks $(PEERS) $(BENCH_OPTIONS)
+
+clean:  ## Remove everything that was made, the virtual environments included.
+	rm -rf $(VENV) $(PEER_VENVS) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
@@ -59,6 +64,26 @@ $(VENV)/.test: $(BIN)/python setup.py
 
 $(VENV)/.build: $(BIN)/python
 	$(BIN)/pip install -q build
+	@touch $@
+
+# Each peer lives in a virtual environment of its own. One that cannot be installed is skipped.
+PEER_NAMES := gymnasium_robotics envpool
+PEER_VENVS := $(PEER_NAMES:%=.venv-%)
+PEERS = $(foreach peer,$(PEER_NAMES),--$(peer)=.venv-$(peer)/bin/python)
+BENCH_OPTIONS ?=
+
+.PHONY: peers
+peers:
+	@for venv in $(PEER_VENVS); do \
+	  $(MAKE) --no-print-directory $$venv/.ready || { rm -rf $$venv; echo "SKIPPED: $$venv"; }; \
+	done
+
+.venv-envpool/.ready: PEER_PYTHON = $(PYTHON312)
+.venv-%/.ready: PEER_PYTHON ?= $(PYTHON)
+.venv-%/.ready: benchmarks/peers/%.txt
+	rm -rf $(@D)
+	$(PEER_PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install -q -r $<
 	@touch $@
 
 # Pictures need EGL or OSMesa. Without permission to install one, everything else still works.

@@ -1,0 +1,1 @@
+"""How fast the environments are, beside bare MuJoCo and beside their peers."""

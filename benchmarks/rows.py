@@ -1,0 +1,223 @@
+"""What is compared with what, and how the comparison should come out."""
+
+import dataclasses
+import os
+from typing import Any, Literal
+
+from benchmarks.meters import OWN, MemoryPerEnvironment, Meter, WholeProcess, Worker
+
+GYMNASIUM_ROBOTICS = 'gymnasium_robotics'
+ENVPOOL = 'envpool'
+PEERS = (GYMNASIUM_ROBOTICS, ENVPOOL)
+
+NUM_ENVS = (1, 8, 64, 256)
+
+_SINGLE_STEPS = 200  # Control steps in a round of a single environment ...
+_BATCH_STEPS = 1600  # ... and of a batch, over all of its environments.
+_RESETS = 100
+
+_COMPOSER_START = "import fetch_composer; fetch_composer.load('push', seed=0).reset()"
+_ROBOTICS_START = (
+    'import gymnasium, gymnasium_robotics; gymnasium.register_envs(gymnasium_robotics); '
+    "gymnasium.make('FetchPush-v4').reset(seed=0)"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One comparison.
+
+    Attributes:
+        group: What it is about, such as 'single'.
+        ours: Our side.
+        peer: The other side.
+        quantity: 'speed', of which more is better, or 'time' or 'memory', of which less is. The
+            ratio is ours over the peer's.
+        unit: Of what each side measures: 's' or 'B', for each control step of one environment,
+            each reset, each start or each environment.
+        goal: At least this ratio of speeds, or at most this ratio of times; None without one.
+        num_envs: How many environments there are.
+        pairs: How many pairs are measured, as a multiple of what is asked for.
+        warms_up: Whether the first rounds are discarded.
+    """
+
+    group: str
+    ours: Meter
+    peer: Meter
+    quantity: Literal['speed', 'time', 'memory']
+    unit: Literal['s', 'B'] = 's'
+    goal: float | None = None
+    num_envs: int = 1
+    pairs: float = 1.0
+    warms_up: bool = True
+
+    def ratio(self, ours: float, peer: float) -> float:
+        """Returns our quantity over the peer's, given what each side took."""
+        return peer / ours if self.quantity == 'speed' else ours / peer
+
+    def reached(self, ratio: float) -> bool | None:
+        """Returns whether a ratio reaches the goal; None without a goal."""
+        if self.goal is None:
+            return None
+        return ratio >= self.goal if self.quantity == 'speed' else ratio <= self.goal
+
+
+def num_processors() -> int:
+    """Returns how many processors this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _single(convention: str, interface: str = 'dm_env', operation: str = 'step') -> Worker:
+    names = {'documented': 'documented', 'gymnasium': '-v4'}
+    interfaces = {'dm_env': 'dm_env', 'gymnasium': 'gym.make'}
+    options = {
+        'convention': convention,
+        'interface': interface,
+        'operation': operation,
+        'num_steps': _RESETS if operation == 'reset' else _SINGLE_STEPS,
+    }
+    label = f'{names[convention]}, {interfaces[interface]}'
+    if operation == 'reset':
+        label = f'reset of {label}'
+    return Worker(label, OWN, 'composer_single', options)
+
+
+def _batch(label: str, interpreter: str, module: str, num_envs: int, **options) -> Worker:
+    num_steps = min(_SINGLE_STEPS, max(10, _BATCH_STEPS // num_envs))
+    options.update(
+        num_envs=num_envs, num_threads=min(num_envs, num_processors()), num_steps=num_steps
+    )
+    return Worker(label, interpreter, module, options)
+
+
+_BARE = Worker('bare mj_step(nstep=20)', OWN, 'bare_single', {'num_steps': _SINGLE_STEPS})
+_ROBOTICS = Worker(
+    'Gymnasium-Robotics FetchPush-v4',
+    GYMNASIUM_ROBOTICS,
+    'robotics_single',
+    {'num_steps': _SINGLE_STEPS},
+)
+
+
+def single_rows() -> list[Row]:
+    """Returns the rows of a single environment's control steps."""
+    documented, v4 = _single('documented'), _single('gymnasium')
+    v2_made, v4_made = _single('documented', 'gymnasium'), _single('gymnasium', 'gymnasium')
+    return [
+        Row('single', documented, _BARE, 'speed', goal=0.85),
+        Row('single', documented, _ROBOTICS, 'speed', goal=3.0),
+        Row('single', v2_made, _ROBOTICS, 'speed'),
+        Row('single', v4, _ROBOTICS, 'speed', goal=1.5),
+        Row('single', v4_made, _ROBOTICS, 'speed', goal=1.5),
+    ]
+
+
+def rollout_row(num_envs: int) -> Row:
+    """Returns a batch against `mujoco.rollout` of as many simulations."""
+    ours = _batch(f'batch of {num_envs}', OWN, 'composer_batch', num_envs)
+    peer = _batch('bare mujoco.rollout', OWN, 'bare_batch', num_envs, method='rollout')
+    goal = 0.90 if num_envs == 64 else None
+    return Row('batch', ours, peer, 'speed', goal=goal, num_envs=num_envs)
+
+
+def bare_batch_row(num_envs: int) -> Row:
+    """Returns a batch against `mujoco.batch` of as many simulations."""
+    ours = _batch(f'batch of {num_envs}', OWN, 'composer_batch', num_envs)
+    peer = _batch('bare mujoco.batch', OWN, 'bare_batch', num_envs, method='batch')
+    return Row('batch', ours, peer, 'speed', num_envs=num_envs)
+
+
+def envpool_row(num_envs: int, convention: str = 'documented') -> Row:
+    """Returns a batch against EnvPool with as many environments and threads."""
+    version = ' of -v4' if convention == 'gymnasium' else ''
+    ours = _batch(
+        f'batch{version} of {num_envs}', OWN, 'composer_batch', num_envs, convention=convention
+    )
+    peer = _batch('EnvPool FetchPush-v4', ENVPOOL, 'envpool_batch', num_envs)
+    goal = 3.0 if num_envs == 64 and convention == 'documented' else None
+    return Row('batch', ours, peer, 'speed', goal=goal, num_envs=num_envs, pairs=0.5)
+
+
+def reset_rows() -> list[Row]:
+    """Returns the rows of a reset against a control step of the same environment."""
+    return [
+        Row(
+            'reset',
+            _single(convention, operation='reset'),
+            dataclasses.replace(_single(convention), label='one control step of it'),
+            'time',
+            goal=1.0,
+        )  # fmt: skip
+        for convention in ('documented', 'gymnasium')
+    ]
+
+
+def start_up_row() -> Row:
+    """Returns the row of the time from an interpreter's start to its end after one reset."""
+    ours = WholeProcess('import, load, reset', OWN, _COMPOSER_START)
+    peer = WholeProcess('Gymnasium-Robotics FetchPush-v4', GYMNASIUM_ROBOTICS, _ROBOTICS_START)
+    return Row('start-up', ours, peer, 'time', pairs=0.3)
+
+
+def memory_rows() -> list[Row]:
+    """Returns the rows of memory for each added environment."""
+    # A batch of ours adds so little that it takes many to be seen.
+    single = MemoryPerEnvironment('documented, dm_env', OWN, 'composer_single', (2, 10))
+    batch = MemoryPerEnvironment('batch', OWN, 'composer_batch', (64, 1088))
+    robotics = MemoryPerEnvironment(
+        'Gymnasium-Robotics FetchPush-v4', GYMNASIUM_ROBOTICS, 'robotics_single', (2, 10)
+    )
+    envpool = MemoryPerEnvironment('EnvPool FetchPush-v4', ENVPOOL, 'envpool_batch', (8, 40))
+    return [
+        Row('memory', ours, peer, 'memory', unit='B', pairs=0.1, warms_up=False)
+        for ours, peer in ((single, robotics), (batch, envpool))
+    ]
+
+
+def all_rows() -> list[Row]:
+    """Returns the whole table."""
+    return [
+        *single_rows(),
+        *(rollout_row(num_envs) for num_envs in NUM_ENVS),
+        bare_batch_row(64),
+        *(envpool_row(num_envs) for num_envs in NUM_ENVS),
+        envpool_row(64, 'gymnasium'),
+        *reset_rows(),
+        start_up_row(),
+        *memory_rows(),
+    ]
+
+
+def quick_rows() -> list[Row]:
+    """Returns a few rows that need no peer."""
+    return [single_rows()[0], rollout_row(1), rollout_row(8), reset_rows()[0]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Breakdown:
+    """A control step whose time is taken apart.
+
+    Attributes:
+        label: What it is a control step of.
+        worker: What measures it.
+    """
+
+    label: str
+    worker: Worker
+
+
+def breakdowns() -> list[Breakdown]:
+    """Returns the control steps that are taken apart."""
+    batch: dict[str, Any] = {'num_envs': 64, 'num_threads': num_processors()}
+    cases: dict[str, dict[str, Any]] = {
+        'documented': {'convention': 'documented'},
+        '-v4': {'convention': 'gymnasium'},
+        'documented, batch of 64': {'convention': 'documented', **batch},
+        '-v4, batch of 64': {'convention': 'gymnasium', **batch},
+    }
+    return [
+        Breakdown(label, Worker(label, OWN, 'breakdown', options))
+        for label, options in cases.items()
+    ]
