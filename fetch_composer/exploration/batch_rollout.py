@@ -1,0 +1,184 @@
+"""Episodes run on the batch, each the same whatever runs beside it.
+
+What is needed to run one travels well: `EpisodeOptions` and seeds in, `Episode`s out, all of which
+can be pickled. Needs none of the packages that draw pictures.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+from dm_env import specs
+
+from fetch_composer import policies, tasks
+from fetch_composer.batch import BatchEnvironment
+from fetch_composer.exploration import rollout
+
+
+@dataclasses.dataclass(frozen=True)
+class EpisodeOptions:
+    """What decides on an episode, beside its seed.
+
+    Attributes:
+        task: Name of the task.
+        policy: Name of the policy.
+        convention: 'documented' or 'gymnasium'.
+        reward_type: 'sparse' or 'dense'.
+        max_episode_steps: Control steps of an episode.
+    """
+
+    task: str
+    policy: str
+    convention: str = 'documented'
+    reward_type: str = 'sparse'
+    max_episode_steps: int = 50
+
+    @property
+    def task_kwargs(self) -> dict[str, str | int]:
+        """The options of the task, as `fetch_composer.load` takes them."""
+        return {
+            'convention': self.convention,
+            'reward_type': self.reward_type,
+            'max_episode_steps': self.max_episode_steps,
+        }
+
+
+def run_episodes(
+    options: EpisodeOptions,
+    seeds: Sequence[int],
+    num_envs: int = 64,
+    num_threads: int | None = None,
+) -> list[rollout.Episode]:
+    """Returns the episodes of some seeds, in their order.
+
+    Args:
+        options: What to run.
+        seeds: A non-negative integer for each episode.
+        num_envs: How many episodes run at a time; it changes none of them.
+        num_threads: Threads that share them; by default one for each processor.
+
+    Raises:
+        ValueError: if an option is not valid; the message says what would be.
+        PhysicsError: if the physics of an episode diverges.
+    """
+    if not seeds:
+        return []
+    with BatchRollout(options, min(num_envs, len(seeds)), num_threads) as batch:
+        return [episode for chunk in batch.run(seeds) for episode in chunk]
+
+
+class BatchRollout:
+    """Runs episodes, `num_envs` at a time, and can be used again for others."""
+
+    def __init__(
+        self, options: EpisodeOptions, num_envs: int, num_threads: int | None = None
+    ) -> None:
+        """Loads task and policy.
+
+        Args:
+            options: What to run.
+            num_envs: How many episodes run at a time.
+            num_threads: Threads that share them; by default one for each processor.
+
+        Raises:
+            ValueError: if an option is not valid; the message says what would be.
+        """
+        if options.max_episode_steps is None:
+            raise ValueError('max_episode_steps must be a positive integer: episodes must end.')
+        self._options = options
+        self._batch = BatchEnvironment(
+            options.task, num_envs, num_threads, seed=0, **options.task_kwargs
+        )
+        self._row = _Row(
+            self._batch.task,
+            self._batch.single_action_spec(),
+            self._batch.single_observation_spec(),
+        )
+        policies.load(options.policy, self._row)
+
+    def run(
+        self, seeds: Sequence[int], observe: Callable[[int], None] | None = None
+    ) -> Iterator[list[rollout.Episode]]:
+        """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
+
+        Each is the episode that `rollout.Rollout.run` returns for its seed, to within rounding.
+
+        Args:
+            seeds: A non-negative integer for each episode.
+            observe: Called after every step of the batch, with the number of episodes that
+                took it; what it raises ends the run.
+
+        Raises:
+            PhysicsError: if the physics of an episode diverges.
+        """
+        observe = observe or (lambda episodes: None)
+        for start in range(0, len(seeds), self._batch.num_envs):
+            yield self._run(list(seeds[start : start + self._batch.num_envs]), observe)
+
+    def _run(self, seeds: list[int], observe: Callable[[int], None]) -> list[rollout.Episode]:
+        count, num_envs = len(seeds), self._batch.num_envs
+        acting = [policies.load(self._options.policy, self._row, seed=seed) for seed in seeds]
+        for policy in acting:
+            policy.reset()
+        idle = [np.zeros(self._row.action_spec().shape, np.float32)] * (num_envs - count)
+        self._batch.seed([*seeds, *seeds[-1:] * len(idle)])
+        time_step = self._batch.reset()
+        observations, actions, received, seconds = [time_step.observation], [], [], 0.0
+        for _ in range(self._options.max_episode_steps):
+            rows = _rows(time_step.observation)
+            chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
+            action = np.stack([*chosen, *idle])
+            started = time.perf_counter()
+            time_step = self._batch.step(action)
+            seconds += time.perf_counter() - started
+            observations.append(time_step.observation)
+            actions.append(action)
+            received.append(time_step.reward)
+            observe(count)
+        arrays = {
+            **{name: np.stack([each[name] for each in observations]) for name in observations[0]},
+            'action': np.stack(actions),
+            'reward': np.stack(received),
+        }
+        return [
+            rollout.Episode(
+                seed=seed,
+                **{name: np.ascontiguousarray(array[:, row]) for name, array in arrays.items()},
+                step_seconds=seconds / count,
+            )
+            for row, seed in enumerate(seeds)
+        ]
+
+    def close(self) -> None:
+        """Frees the simulations."""
+        self._batch.close()
+
+    def __enter__(self) -> 'BatchRollout':
+        return self
+
+    def __exit__(self, *unused_exception) -> None:
+        self.close()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Row:
+    """What a policy may ask of an environment, for one of a batch."""
+
+    task: tasks.GoalTask
+    _action_spec: specs.BoundedArray
+    _observation_spec: Mapping[str, specs.Array]
+
+    def action_spec(self) -> specs.BoundedArray:
+        return self._action_spec
+
+    def observation_spec(self) -> Mapping[str, specs.Array]:
+        return self._observation_spec
+
+
+def _rows(observation: Mapping[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
+    """Yields each environment's own observation: views, for copies would take longer than most
+    policies do."""
+    names = tuple(observation)
+    for values in zip(*observation.values(), strict=True):
+        yield dict(zip(names, values, strict=True))

@@ -1,0 +1,40 @@
+"""An episode played again in a single environment, to look at it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fetch_composer.exploration import rollout
+
+_TOLERANCE = 1e-9  # m, rad; batch and single environment agree to within rounding.
+
+
+class ReplayError(RuntimeError):
+    """An episode that was played again did not end where it had ended."""
+
+
+def replay(env, episode: rollout.Episode, observe: Callable[[int], None] | None = None) -> None:
+    """Plays an episode again, from its seed and with its actions.
+
+    Args:
+        env: An environment of the options that the episode was run with.
+        episode: The episode.
+        observe: Called after the reset and after every step, with the number of steps so far.
+
+    Raises:
+        ReplayError: if it does not end as the episode did.
+    """
+    observe = observe or (lambda step: None)
+    env.seed(episode.seed)
+    time_step = env.reset()
+    observe(0)
+    for step, action in enumerate(episode.action, start=1):
+        time_step = env.step(action)
+        observe(step)
+    for name, value in time_step.observation.items():
+        error = np.abs(value - getattr(episode, name)[-1]).max()
+        if not error <= _TOLERANCE:
+            raise ReplayError(
+                f'The episode of seed {episode.seed} was played again and ended elsewhere: '
+                f'{name} differs by {error:.3g}.'
+            )
