@@ -31,6 +31,11 @@ _GOALS = {
 }
 
 
+_HEADER = (
+    '| task, actions | | median | 75 % | 90 % | within 1e-5 m | goal | reached | rewards equal |'
+)
+
+
 def _record_peer(peer: str, task: str, kind: str, seeds: tuple[int, int]) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         output = pathlib.Path(folder) / 'episodes.npz'
@@ -94,9 +99,7 @@ def main() -> None:
     parser.add_argument('--seeds', nargs=2, type=int, default=(3000, 3099))
     arguments = parser.parse_args()
     results: dict = {'seeds': arguments.seeds, 'tasks': {}}
-    print(
-        '| task, actions | | median | 75 % | 90 % | within 1e-5 m | goal | reached | rewards equal |'
-    )
+    print(_HEADER)
     print('|---|---|---|---|---|---|---|---|---|')
     for task in arguments.tasks:
         for kind in _KINDS:

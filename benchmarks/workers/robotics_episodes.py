@@ -81,7 +81,8 @@ def main() -> None:
             episode['reward'].append(reward)
         for name, values in episode.items():
             recorded[name].append(values)
-    np.savez(output, seed=list(seeds), **{k: np.array(v) for k, v in recorded.items()})
+    recorded['seed'] = list(seeds)
+    np.savez(output, **recorded)  # type: ignore[arg-type]
 
 
 if __name__ == '__main__':
