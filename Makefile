@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore test test-only check bench build clean
+.PHONY: help explore test test-only check bench parity build clean
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -42,6 +42,9 @@ build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in 
 
 bench: $(VENV)/.test peers  ## Measure speed, start-up and memory beside the peers; about ten minutes.
 	$(BIN)/python -m benchmarks $(PEERS) $(BENCH_OPTIONS)
+
+parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajectories with Gymnasium-Robotics, live.
+	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python
 
 clean:  ## Remove everything that was made, the virtual environments included.
 	rm -rf $(VENV) $(PEER_VENVS) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache

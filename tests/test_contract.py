@@ -205,3 +205,18 @@ def test_joint_states_can_be_switched_on(env):
         np.testing.assert_array_equal(
             observation['fetch/gripper/tool_center_point'], observation['observation'][:3]
         )
+
+
+def test_the_target_turns_green_at_the_goal_on_request():
+    env = suite.load('fetch', 'push', task_kwargs={'random': 0}, visualize_reward=True)
+    plain = suite.load('fetch', 'push', task_kwargs={'random': 0})
+    for each, colour_at_goal in ((env, (0.2, 0.8, 0.2)), (plain, (0.9, 0.1, 0.1))):
+        each.task.set_next_episode(block_position=(1.2, 0.7), goal=(1.2, 0.71, 0.4249))
+        each.reset()
+        assert each.step(np.zeros(4, np.float32)).reward == 0
+        rgba = each.physics.named.model.site_rgba['target/target']
+        np.testing.assert_allclose(rgba[:3], colour_at_goal, atol=1e-6)
+    env.reset()
+    env.step(np.zeros(4, np.float32))
+    rgba = env.physics.named.model.site_rgba['target/target']
+    np.testing.assert_allclose(rgba[:3], (0.9, 0.1, 0.1), atol=1e-6)

@@ -5,6 +5,6 @@ from fetch_composer.entities.block import Block
 from fetch_composer.entities.fetch import FetchArm, FetchGripper
 from fetch_composer.entities.mocap import Mocap
 from fetch_composer.entities.table import Table
-from fetch_composer.entities.target import Target
+from fetch_composer.entities.target import Target, target_rgba
 
-__all__ = ('Arena', 'Block', 'FetchArm', 'FetchGripper', 'Mocap', 'Table', 'Target')
+__all__ = ('Arena', 'Block', 'FetchArm', 'FetchGripper', 'Mocap', 'Table', 'Target', 'target_rgba')

@@ -5,6 +5,13 @@ from dm_control.composer import define
 from dm_control.composer.observation import observable
 
 _RADIUS = 0.02  # m
+_RED = (0.9, 0.1, 0.1, 1.0)
+_GREEN = (0.2, 0.8, 0.2, 1.0)
+
+
+def target_rgba(achieved: bool) -> tuple[float, ...]:
+    """Returns the colour of a target: green once its goal is achieved."""
+    return _GREEN if achieved else _RED
 
 
 class Target(composer.Entity):
@@ -13,7 +20,7 @@ class Target(composer.Entity):
     def _build(self, name: str = 'target') -> None:
         self._mjcf_root = mjcf.RootElement(model=name)
         self._site = self._mjcf_root.worldbody.add(
-            'site', name='target', type='sphere', size=(_RADIUS,), rgba=(0.9, 0.1, 0.1, 1), group=0
+            'site', name='target', type='sphere', size=(_RADIUS,), rgba=_RED, group=0
         )
 
     def _build_observables(self):

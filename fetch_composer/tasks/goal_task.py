@@ -231,6 +231,7 @@ class GoalTask(composer.Task):
         self._gripper_quaternion = data.xquat[addresses.gripper_link]
         self._mocap_position = data.mocap_pos[addresses.mocap]
         self._mocap_quaternion = data.mocap_quat[addresses.mocap]
+        self._target_rgba = model.site_rgba[physics.bind(self.scene.target.site).element_id]
         self._observer = observation.GoalObserver(
             model,
             data,
@@ -259,6 +260,7 @@ class GoalTask(composer.Task):
         self._mocap_position[:] = state.mocap_position
         self._mocap_quaternion[:] = state.mocap_quaternion
         self._model.body_pos[self.addresses.target] = self._goal
+        self._target_rgba[:] = entities.target_rgba(achieved=False)
 
     def _vary(self, physics, start: starts.Start) -> None:
         self.variations.write(start.variations, lambda field: getattr(self._model, field))
@@ -289,6 +291,8 @@ class GoalTask(composer.Task):
             mujoco.mj_comPos(self._model, self._data)
             mujoco.mj_comVel(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
+        if self.visualize_reward:
+            self._target_rgba[:] = entities.target_rgba(self.is_success())
 
     @property
     def observes_current_state(self) -> bool:

@@ -1,0 +1,127 @@
+"""Compares our `gymnasium` convention with Gymnasium-Robotics, both live on the same seeds.
+
+    make parity
+    python -m benchmarks.parity --peer PYTHON [--tasks push ...] [--seeds 3000 3099]
+
+The peer runs in an interpreter of its own, on the same MuJoCo. An episode's error is the largest
+distance, over its 50 steps, between where the two simulators have the gripper, or the object.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import tempfile
+
+import numpy as np
+
+import fetch_composer
+
+_WORKER = pathlib.Path(__file__).parent / 'workers' / 'robotics_episodes.py'
+_OUTPUT = pathlib.Path('build') / 'parity' / 'results.json'
+_KINDS = ('uniform', 'seeking')
+_QUANTILES = (0.5, 0.75, 0.9)
+_CLOSE = 1e-5  # m
+# What is to be reached: (kind, task or None for the others) -> (quantile, m).
+_GOALS = {
+    ('uniform', None): (0.9, 1e-5),
+    ('seeking', None): (0.5, 1e-3),
+    ('uniform', 'slide'): (0.9, 2e-3),
+    ('seeking', 'slide'): (0.5, 5e-2),
+}
+
+
+_HEADER = (
+    '| task, actions | | median | 75 % | 90 % | within 1e-5 m | goal | reached | rewards equal |'
+)
+
+
+def _record_peer(peer: str, task: str, kind: str, seeds: tuple[int, int]) -> dict:
+    with tempfile.TemporaryDirectory() as folder:
+        output = pathlib.Path(folder) / 'episodes.npz'
+        first, last = map(str, seeds)
+        command = [peer, str(_WORKER), task, kind, first, last, str(output)]
+        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+        with np.load(output) as recorded:
+            return dict(recorded)
+
+
+def compare(task: str, peer_episodes: dict) -> dict[str, np.ndarray]:
+    """Returns the errors of episodes that are run with the peer's seeds and actions.
+
+    Args:
+        task: Name of the task.
+        peer_episodes: `seed` (E,), `actions` (E, T, 4), `gripper` and `achieved_goal`
+            (E, T + 1, 3) in m, `reward` (E, T).
+
+    Returns:
+        `gripper` and `achieved_goal`: (E,) largest distances in m; `reward`: (E, T) whether
+        rewards are equal.
+    """
+    env = fetch_composer.load(task, convention='gymnasium')
+    errors: dict[str, list] = {'gripper': [], 'achieved_goal': [], 'reward': []}
+    for episode, seed in enumerate(peer_episodes['seed']):
+        env.seed(int(seed))
+        time_steps = [env.reset()]
+        time_steps += [env.step(action) for action in peer_episodes['actions'][episode]]
+        ours = {
+            'gripper': [t.observation['observation'][:3] for t in time_steps],
+            'achieved_goal': [t.observation['achieved_goal'] for t in time_steps],
+        }
+        for name, places in ours.items():
+            offset = np.array(places) - peer_episodes[name][episode]
+            errors[name].append(np.linalg.norm(offset, axis=1).max())
+        rewards = np.array([t.reward for t in time_steps[1:]])
+        errors['reward'].append(rewards == peer_episodes['reward'][episode])
+    env.close()
+    return {name: np.array(values) for name, values in errors.items()}
+
+
+def _summary(errors: dict[str, np.ndarray], task: str, kind: str) -> dict:
+    quantile, limit = _GOALS.get((kind, task), _GOALS[kind, None])
+    summary: dict = {'rewards_equal': float(errors['reward'].mean())}
+    for name in ('gripper', 'achieved_goal'):
+        # The limits of Slide are those of its puck: its gripper keeps to the others'.
+        for_gripper = _GOALS[kind, None] if name == 'gripper' else (quantile, limit)
+        summary[name] = {
+            'quantiles': {str(q): float(np.quantile(errors[name], q)) for q in _QUANTILES},
+            'share_within_1e-5': float((errors[name] <= _CLOSE).mean()),
+            'goal': {'quantile': for_gripper[0], 'metres': for_gripper[1]},
+            'reached': bool(np.quantile(errors[name], for_gripper[0]) <= for_gripper[1]),
+        }
+    return summary
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--peer', required=True, help="the peer's Python interpreter")
+    parser.add_argument('--tasks', nargs='+', default=fetch_composer.ALL)
+    parser.add_argument('--seeds', nargs=2, type=int, default=(3000, 3099))
+    arguments = parser.parse_args()
+    results: dict = {'seeds': arguments.seeds, 'tasks': {}}
+    print(_HEADER)
+    print('|---|---|---|---|---|---|---|---|---|')
+    for task in arguments.tasks:
+        for kind in _KINDS:
+            peer_episodes = _record_peer(arguments.peer, task, kind, arguments.seeds)
+            summary = _summary(compare(task, peer_episodes), task, kind)
+            results['tasks'].setdefault(task, {})[kind] = summary
+            for name, what in (('gripper', 'gripper'), ('achieved_goal', 'object')):
+                if task == 'reach' and what == 'object':
+                    continue
+                row, goal = summary[name], summary[name]['goal']
+                print(
+                    f'| {task}, {kind} | {what} | '
+                    + ' | '.join(f'{q:.1e}' for q in row['quantiles'].values())
+                    + f' | {row["share_within_1e-5"]:.0%} '
+                    f'| {goal["quantile"]:.0%} ≤ {goal["metres"]:.0e} m '
+                    f'| {"yes" if row["reached"] else "no"} | {summary["rewards_equal"]:.2%} |',
+                    flush=True,
+                )
+    _OUTPUT.parent.mkdir(parents=True, exist_ok=True)
+    _OUTPUT.write_text(json.dumps(results, indent=2))
+    print(f'Written to {_OUTPUT}.')
+
+
+if __name__ == '__main__':
+    main()

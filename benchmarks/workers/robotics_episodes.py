@@ -1,0 +1,89 @@
+"""Records episodes of Gymnasium-Robotics' own v4 tasks on a current MuJoCo.
+
+Run by the peer's interpreter, which has no fetch_composer:
+
+    python robotics_episodes.py TASK KIND FIRST_SEED LAST_SEED OUTPUT.npz
+"""
+
+import sys
+import types
+
+import gymnasium
+import gymnasium_robotics
+import mujoco
+import numpy as np
+from gymnasium_robotics.utils import mujoco_utils
+
+_STEPS = 50
+_NOISE = 0.3  # Standard deviation of what is added to seeking actions.
+_GRASP_DISTANCE = 0.03  # m
+
+
+class _IntegerEnums:
+    """The `mujoco` module with the enums that the peer compares read as integers.
+
+    Since MuJoCo 3.12 an enum does not equal its number, and the peer's resets fail on that.
+    """
+
+    mjtJoint = types.SimpleNamespace(
+        **{name: int(member.value) for name, member in mujoco.mjtJoint.__members__.items()}
+    )
+    mjtEq = types.SimpleNamespace(
+        **{name: int(member.value) for name, member in mujoco.mjtEq.__members__.items()}
+    )
+
+    def __getattr__(self, name):
+        return getattr(mujoco, name)
+
+
+def _uniform(rng, observation, has_fingers) -> np.ndarray:
+    del observation, has_fingers  # Unused.
+    return rng.uniform(-1, 1, 4)
+
+
+def _seeking(rng, observation, has_fingers) -> np.ndarray:
+    """Returns an action that heads for the object and on through it, or for Reach's goal."""
+    vector, goal = observation['observation'], observation['desired_goal']
+    has_object = len(vector) > 10
+    way = (vector[3:6] if has_object else goal) - vector[:3]
+    fingers = 0.8
+    if has_fingers:
+        holding = np.linalg.norm(way) < _GRASP_DISTANCE
+        fingers = -1.0 if holding else 1.0
+        way = goal - vector[:3] if holding else way
+    ahead = way / max(np.linalg.norm(way), 1e-9)
+    return np.clip(np.append(ahead, fingers) + _NOISE * rng.standard_normal(4), -1, 1)
+
+
+_KINDS = {'uniform': _uniform, 'seeking': _seeking}
+
+
+def main() -> None:
+    task, kind, first_seed, last_seed, output = sys.argv[1:]
+    mujoco_utils.mujoco = _IntegerEnums()
+    gymnasium.register_envs(gymnasium_robotics)
+    camel_case = ''.join(word.capitalize() for word in task.split('_'))
+    env = gymnasium.make(f'Fetch{camel_case}-v4')
+    recorded: dict[str, list] = {'actions': [], 'gripper': [], 'achieved_goal': [], 'reward': []}
+    seeds = range(int(first_seed), int(last_seed) + 1)
+    for seed in seeds:
+        rng = np.random.default_rng(10_000 + seed)
+        observation, _ = env.reset(seed=seed)
+        episode: dict[str, list] = {name: [] for name in recorded}
+        for step in range(_STEPS + 1):
+            episode['gripper'].append(observation['observation'][:3])
+            episode['achieved_goal'].append(observation['achieved_goal'])
+            if step == _STEPS:
+                break
+            action = _KINDS[kind](rng, observation, task == 'pick_and_place').astype(np.float32)
+            observation, reward, *_ = env.step(action)
+            episode['actions'].append(action)
+            episode['reward'].append(reward)
+        for name, values in episode.items():
+            recorded[name].append(values)
+    recorded['seed'] = list(seeds)
+    np.savez(output, **recorded)  # type: ignore[arg-type]
+
+
+if __name__ == '__main__':
+    main()
