@@ -1,7 +1,8 @@
 """Runs a policy on a Fetch task without a display and writes down what happened.
 
-Per episode a film; per run a contact sheet, a plot of distance and return over time, the
-trajectories and a summary. Run `python explore.py --help` for the flags.
+Per run films, a contact sheet, a plot of distance and return over time, the trajectories and a
+summary. A run that was stopped or killed is continued by the same command. Run
+`python explore.py --help` for the flags.
 """
 
 import dataclasses
@@ -19,12 +20,19 @@ if typing.TYPE_CHECKING:
     from fetch_composer.exploration import run as run_lib
 
 flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
-flags.DEFINE_string('policy', 'expert', 'Who acts: expert, random or zero.')
+flags.DEFINE_multi_string(
+    'policy', ['expert'], 'Who acts: expert, random or zero; given several times, to compare them.'
+)
 flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
 flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')
 flags.DEFINE_string('convention', 'documented', 'Reading of the task: documented or gymnasium.')
 flags.DEFINE_string('reward_type', 'sparse', 'Reward: sparse or dense.')
 flags.DEFINE_integer('max_episode_steps', 50, 'Control steps of an episode, 25 to a second.')
+flags.DEFINE_integer(
+    'num_envs', 64, 'Episodes that run at a time, on all processors; it changes none of them.'
+)
+flags.DEFINE_string('films', 'worst', 'Episodes to film: worst, best, first, all or none.')
+flags.DEFINE_integer('num_films', 5, 'How many episodes to film of the worst, best or first.')
 flags.DEFINE_string('camera', 'corner', 'Where to film from: corner, front, side, top, close, ...')
 flags.DEFINE_integer(
     'width', 480, 'Width of the film in pixels; without a GPU, 480x360 costs about 0.1 s a frame.'
@@ -32,6 +40,7 @@ flags.DEFINE_integer(
 flags.DEFINE_integer('height', 360, 'Height of the film in pixels.')
 flags.DEFINE_integer('fps', 25, 'Frames per second of the film; 25 is real time.')
 flags.DEFINE_string('output_dir', None, 'Folder to write into; by default output/<task>_<policy>.')
+flags.DEFINE_bool('fresh', False, 'Discard an unfinished run in the folder, do not continue it.')
 
 _GL_VARIABLE = 'MUJOCO_GL'
 _BACKENDS = ('egl', 'osmesa', 'glfw')  # The last needs a display; macOS has no other.
@@ -74,7 +83,7 @@ def _explore() -> int:
 
     options = run_lib.Options(**_flag_values(run_lib.Options))
     try:
-        run = run_lib.Run(options, backend)
+        run = run_lib.Run(options, backend, fresh=flags.FLAGS.fresh)
     except ValueError as error:
         return _fail(str(error))
     except OSError as error:
@@ -83,6 +92,8 @@ def _explore() -> int:
         written = run.run()
     except OSError as error:
         return _fail(f'Writing into {options.folder} failed: {error}')
+    except (ValueError, RuntimeError) as error:
+        return _fail(str(error))
     finally:
         run.close()
     _report(run, written)
@@ -96,13 +107,16 @@ def _flag_values(options_class) -> dict[str, typing.Any]:
 
 
 def _report(run: 'run_lib.Run', written: Sequence['run_lib.Written']) -> None:
+    if run.continued:
+        print(f'Continued: {run.continued} episodes were there already.')
     if run.stopped_by:
-        dropped = len(run.episodes) + 1
-        print(f'Stopped by {run.stopped_by.name} in episode {dropped}, which is dropped.')
-    if not run.episodes:
+        print(f'Stopped by {run.stopped_by.name} after {run.finished} episodes.')
+    if not run.finished:
         print('No episode was finished; nothing was written.')
         return
-    print(run.result)
+    if run.stopped_by:
+        print('The same command continues.')
+    print('\n'.join(run.results))
     print(f'Open, in {run.options.folder}:')
     for each in written:
         names = each.names[0] if len(each.names) == 1 else f'{each.names[0]} ... {each.names[-1]}'

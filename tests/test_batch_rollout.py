@@ -43,6 +43,7 @@ def test_an_episode_depends_on_its_seed_alone():
     together = batch_rollout.run_episodes(options, seeds, num_envs=5)
     _assert_equal(batch_rollout.run_episodes(options, seeds, num_envs=2), together)
     _assert_equal(batch_rollout.run_episodes(options, seeds, num_envs=100), together)
+    _assert_equal(batch_rollout.run_episodes(options, seeds, num_envs=1), together)
     _assert_equal(batch_rollout.run_episodes(options, seeds[::-1], 3), together[::-1])
     with batch_rollout.BatchRollout(options, 2) as batch:
         for seed in (3, 1):  # The same batch, used again.

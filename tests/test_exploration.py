@@ -54,10 +54,12 @@ def _summary(folder):
 
 def _options(**changes):
     options = run_lib.Options(
-        task='push', policy='zero', episodes=1, seed=0, convention='documented',
-        reward_type='sparse', max_episode_steps=3, camera='front', width=96, height=64, fps=25,
-        output_dir=None,
+        task='push', policy=('zero',), episodes=1, seed=0, convention='documented',
+        reward_type='sparse', max_episode_steps=3, num_envs=4, films='worst',
+        num_films=5, camera='front', width=96, height=64, fps=25, output_dir=None,
     )  # fmt: skip
+    if 'policy' in changes:
+        changes['policy'] = (changes['policy'],)
     return dataclasses.replace(options, **changes)
 
 
@@ -131,9 +133,9 @@ def test_trajectories_are_those_of_the_environment(filmed):
         time_step = env.reset()
         for step, action in enumerate(saved['action'][index]):
             for name, value in time_step.observation.items():
-                np.testing.assert_array_equal(saved[name][index, step], value)
+                np.testing.assert_allclose(saved[name][index, step], value, rtol=0, atol=1e-9)
             time_step = env.step(action)
-            assert saved['reward'][index, step] == time_step.reward
+            assert saved['reward'][index, step] == pytest.approx(time_step.reward, abs=1e-9)
 
 
 def test_summary_tells_what_the_trajectories_hold(filmed):
@@ -162,34 +164,30 @@ def test_summary_tells_what_the_trajectories_hold(filmed):
 def test_an_interrupted_run_keeps_the_finished_episodes_and_says_so(tmp_path, number):
     process = subprocess.Popen(
         [
-            sys.executable, _EXPLORE, '--episodes=500', '--max_episode_steps=5',
+            sys.executable, _EXPLORE, '--episodes=5000', '--max_episode_steps=5', '--num_envs=4',
             f'--output_dir={tmp_path}', *_SMALL,
         ],
         env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     deadline = time.monotonic() + _SECONDS_TO_START
     while time.monotonic() < deadline and process.poll() is None:
-        if (tmp_path / 'episode_001.mp4').exists():
+        if len(list(tmp_path.glob('.unfinished_run/1_expert/episodes*.npz'))) > 1:
             break
         time.sleep(0.05)
     process.send_signal(number)
     stdout, stderr = process.communicate(timeout=_SECONDS_TO_START)
 
-    if 'No pictures' in stdout:
-        pytest.skip('no OpenGL backend works here')
     assert process.returncode == 128 + number, stderr
     assert f'Stopped by {number.name}' in stdout
+    assert 'The same command continues.' in stdout
     assert 'Traceback' not in stderr
     summary = _summary(tmp_path)
     finished = summary['episodes_finished']
-    films = {f'episode_{index:03d}.mp4' for index in range(finished)}
-    assert 2 <= finished < 500
+    assert 8 <= finished < 5000
     assert summary['stopped_by'] == number.name
-    assert _names(tmp_path) == {*films, 'contact_sheet.png', *_PLAIN_FILES}
+    assert _names(tmp_path) == {'.unfinished_run', *_PLAIN_FILES}
     with np.load(tmp_path / 'trajectories.npz') as file:
         assert file['reward'].shape == (finished, 5)
-    for film in films:
-        assert len(imageio.mimread(tmp_path / film)) == 6
 
 
 def test_an_interruption_before_the_first_episode_leaves_earlier_files_alone(tmp_path):
@@ -255,6 +253,9 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
         ({'reward_type': 'shaped'}, r"Unknown reward_type 'shaped'; valid are sparse, dense"),
         ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
         ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
+        ({'films': 'funny'}, r"Unknown films 'funny'; valid are worst, best, first, all, none"),
+        ({'num_films': 0}, r'num_films must be a positive integer, got 0'),
+        ({'num_envs': -1}, r'num_envs must be a positive integer, got -1'),
         ({'episodes': 0}, r'episodes must be a positive integer, got 0'),
         ({'seed': -1}, r'seed must be a non-negative integer, got -1'),
         ({'width': 0}, r'width must be an even number of pixels from 64 to 3840, got 0'),

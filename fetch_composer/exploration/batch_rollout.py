@@ -15,6 +15,9 @@ from fetch_composer import policies, tasks
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.exploration import rollout
 
+# A batch of one rounds its observations differently; from two on, all are equal to the bit.
+_FEWEST = 2
+
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeOptions:
@@ -87,8 +90,10 @@ class BatchRollout:
         if options.max_episode_steps is None:
             raise ValueError('max_episode_steps must be a positive integer: episodes must end.')
         self._options = options
+        self._num_envs = num_envs
+        width = num_envs if num_envs < 1 else max(num_envs, _FEWEST)
         self._batch = BatchEnvironment(
-            options.task, num_envs, num_threads, seed=0, **options.task_kwargs
+            options.task, width, num_threads, seed=0, **options.task_kwargs
         )
         self._row = _Row(
             self._batch.task,
@@ -102,7 +107,8 @@ class BatchRollout:
     ) -> Iterator[list[rollout.Episode]]:
         """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
 
-        Each is the episode that `rollout.Rollout.run` returns for its seed, to within rounding.
+        Each is the episode that `rollout.Rollout.run` returns for its seed, to within rounding,
+        and the same to the bit for any `num_envs`.
 
         Args:
             seeds: A non-negative integer for each episode.
@@ -113,22 +119,22 @@ class BatchRollout:
             PhysicsError: if the physics of an episode diverges.
         """
         observe = observe or (lambda episodes: None)
-        for start in range(0, len(seeds), self._batch.num_envs):
-            yield self._run(list(seeds[start : start + self._batch.num_envs]), observe)
+        for start in range(0, len(seeds), self._num_envs):
+            yield self._run(list(seeds[start : start + self._num_envs]), observe)
 
     def _run(self, seeds: list[int], observe: Callable[[int], None]) -> list[rollout.Episode]:
-        count, num_envs = len(seeds), self._batch.num_envs
+        count = len(seeds)
         acting = [policies.load(self._options.policy, self._row, seed=seed) for seed in seeds]
         for policy in acting:
             policy.reset()
-        idle = [np.zeros(self._row.action_spec().shape, np.float32)] * (num_envs - count)
-        self._batch.seed([*seeds, *seeds[-1:] * len(idle)])
+        idle = self._batch.num_envs - count
+        self._batch.seed([*seeds, *seeds[-1:] * idle])
         time_step = self._batch.reset()
         observations, actions, received, seconds = [time_step.observation], [], [], 0.0
         for _ in range(self._options.max_episode_steps):
             rows = _rows(time_step.observation)
             chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
-            action = np.stack([*chosen, *idle])
+            action = np.stack([*chosen, *chosen[-1:] * idle])
             started = time.perf_counter()
             time_step = self._batch.step(action)
             seconds += time.perf_counter() - started
@@ -177,8 +183,8 @@ class _Row:
 
 
 def _rows(observation: Mapping[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
-    """Yields each environment's own observation: views, for copies would take longer than most
-    policies do."""
+    """Yields each environment's own observation, which its policy may write to."""
     names = tuple(observation)
-    for values in zip(*observation.values(), strict=True):
+    # Copied at once: a copy of every row would take longer than most policies do.
+    for values in zip(*(value.copy() for value in observation.values()), strict=True):
         yield dict(zip(names, values, strict=True))

@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import platform
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -48,6 +49,18 @@ def save_trajectories(path: pathlib.Path, episodes: Sequence[rollout.Episode]) -
     """Writes the arrays of `rollout.stack` to an npz file."""
     with whole_file(path) as partial:
         np.savez_compressed(partial, allow_pickle=False, **rollout.stack(episodes))
+
+
+def save_arrays(path: pathlib.Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Writes arrays to an npz file; uncompressed, since it is soon read again."""
+    with whole_file(path) as partial:
+        np.savez(partial, allow_pickle=False, **arrays)
+
+
+def copy(source: pathlib.Path, path: pathlib.Path) -> None:
+    """Copies a file."""
+    with whole_file(path) as partial:
+        shutil.copyfile(source, partial)
 
 
 def save_json(path: pathlib.Path, content: Mapping[str, Any]) -> None:

@@ -109,10 +109,12 @@ class Strip:
     """An episode's row of thumbnails.
 
     Attributes:
+        index: Number of the episode in its run, from 0.
         episode: The episode.
         thumbnails: Pictures of equal size, over time.
     """
 
+    index: int
     episode: rollout.Episode
     thumbnails: Sequence[Image.Image]
 
@@ -158,17 +160,18 @@ def save_contact_sheet(
         draw.text((x, _TITLE_HEIGHT), f'{step * control_timestep:.2f} s', style.FAINT, _font(15))
     for row, strip in enumerate(strips):
         y = top + row * (height + _GAP)
-        _draw_label(draw, y, row, strip.episode)
+        _draw_label(draw, y, strip)
         for column, image in enumerate(strip.thumbnails):
             sheet.paste(image, (_LABEL_WIDTH + column * (width + _GAP), y))
     with recording.whole_file(path) as partial:
         sheet.save(partial)
 
 
-def _draw_label(draw: ImageDraw.ImageDraw, y: int, row: int, episode: rollout.Episode) -> None:
+def _draw_label(draw: ImageDraw.ImageDraw, y: int, strip: Strip) -> None:
+    episode = strip.episode
     colour = style.SUCCESS if episode.is_success else style.FAILURE
     draw.rectangle((0, y, 6, y + _THUMBNAIL_HEIGHT - 1), colour)
-    draw.text((_MARGIN, y + 8), f'episode {row}', style.INK, _font(17, bold=True))
+    draw.text((_MARGIN, y + 8), f'episode {strip.index}', style.INK, _font(17, bold=True))
     lines = (
         (f'seed {episode.seed}', style.FAINT),
         ('at the goal' if episode.is_success else 'not at the goal', colour),

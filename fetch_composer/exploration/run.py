@@ -1,8 +1,7 @@
-"""A run: episodes of one policy on one task, and the files that tell of them."""
+"""A run: episodes of one policy, or of several on the same seeds, and the files about them."""
 
 import contextlib
 import dataclasses
-import pathlib
 import re
 import signal
 import time
@@ -11,64 +10,32 @@ from typing import Any
 
 import tqdm
 
-from fetch_composer.exploration import plots, recording, rendering, rollout
+import fetch_composer
+from fetch_composer import policies
+from fetch_composer.exploration import (
+    batch_rollout,
+    filming,
+    plots,
+    recording,
+    rendering,
+    rollout,
+    store,
+)
+from fetch_composer.exploration.options import Options, file_name
+
+__all__ = ('Candidate', 'Options', 'Run', 'Written')
 
 TRAJECTORIES = 'trajectories.npz'
 SUMMARY = 'summary.json'
 PROGRESS = 'progress.png'
 CONTACT_SHEET = 'contact_sheet.png'
-_FIXED_NAMES = (TRAJECTORIES, SUMMARY, PROGRESS, CONTACT_SHEET)
-_FILM_NAME = re.compile(r'episode_\d{3,}\.mp4')
+_OWN_NAME = re.compile(
+    r'(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
+)
 
 
 def _film_name(index: int) -> str:
     return f'episode_{index:03d}.mp4'
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What to run and how to film it.
-
-    Attributes:
-        task: Name of the task.
-        policy: Name of the policy.
-        episodes: Number of episodes.
-        seed: Seed of the first episode; each has the next one.
-        convention: 'documented' or 'gymnasium'.
-        reward_type: 'sparse' or 'dense'.
-        max_episode_steps: Control steps of an episode.
-        camera: Name of a camera.
-        width: Width of the film in pixels.
-        height: Height of the film in pixels.
-        fps: Frames per second of the film, which has a frame for every control step.
-        output_dir: Folder to write into; None for `output/<task>_<policy>`.
-    """
-
-    task: str
-    policy: str
-    episodes: int
-    seed: int
-    convention: str
-    reward_type: str
-    max_episode_steps: int
-    camera: str
-    width: int
-    height: int
-    fps: int
-    output_dir: str | None
-
-    def check(self) -> None:
-        """Raises `ValueError`, which says what is valid, if a number is out of range."""
-        if self.episodes < 1:
-            raise ValueError(f'episodes must be a positive integer, got {self.episodes}.')
-        if self.seed < 0:
-            raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
-        rendering.check_film_format(self.width, self.height, self.fps)
-
-    @property
-    def folder(self) -> pathlib.Path:
-        """The folder to write into."""
-        return pathlib.Path(self.output_dir or f'output/{self.task}_{self.policy}')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,142 +51,210 @@ class Written:
     content: str
 
 
-class Run:
-    """Runs episodes, films each, and writes down what happened."""
+@dataclasses.dataclass
+class Candidate:
+    """One of the policies of a run, and what it has done.
 
-    def __init__(self, options: Options, gl_backend: str | None) -> None:
+    Attributes:
+        policy: Its name.
+        key: A name for it that is fit for a folder, and its alone in the run.
+        is_alone: Whether it is the run's only one.
+        episodes: The finished episodes.
+        films: Films by the index of their episode.
+    """
+
+    policy: str
+    key: str
+    is_alone: bool
+    episodes: list[rollout.Episode] = dataclasses.field(default_factory=list)
+    films: dict[int, filming.Film] = dataclasses.field(default_factory=dict)
+
+    def path(self, name: str) -> str:
+        """Returns the path of one of its files within the run's folder."""
+        return name if self.is_alone else f'{self.key}/{name}'
+
+
+class Run:
+    """Runs episodes, films some, and writes down what happened."""
+
+    def __init__(self, options: Options, gl_backend: str | None, fresh: bool = False) -> None:
         """Checks every option before anything is run or written.
 
         Args:
             options: What to run.
             gl_backend: Name of the OpenGL backend in use, or None to take no pictures.
+            fresh: Whether to discard an unfinished run in the folder rather than to continue it.
 
         Raises:
-            ValueError: if an option is not valid; the message says what would be.
+            ValueError: if an option is not valid, or the folder holds an unfinished run of
+                other options; the message says what to do.
             OSError: if nothing can be written into the folder.
         """
         options.check()
         self.options = options
         self._gl_backend = gl_backend
-        self._rollout = rollout.Rollout(
-            options.task,
-            options.policy,
-            convention=options.convention,
-            reward_type=options.reward_type,
-            max_episode_steps=options.max_episode_steps,
+        self._env = fetch_composer.load(
+            options.task, **options.of_episodes(options.policy[0]).task_kwargs
         )
-        self._control_timestep = self._rollout.env.control_timestep()
-        self._camera = rendering.Camera(
-            self._rollout.env, options.camera, options.width, options.height
-        )
+        for policy in options.policy:
+            policies.load(policy, self._env)
+        self._control_timestep = self._env.control_timestep()
+        self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
         recording.prepare_folder(options.folder)
+        self._store = store.Store(options.folder, self._identity(), fresh)
+        self.candidates = [
+            Candidate(policy, f'{number}_{file_name(policy)}', len(options.policy) == 1)
+            for number, policy in enumerate(options.policy, start=1)
+        ]
         self.stopped_by: signal.Signals | None = None
-        self.episodes: list[rollout.Episode] = []
-        self._strips: list[rendering.Strip] = []
+        self.continued = 0
 
     def close(self) -> None:
-        """Frees the simulation and its OpenGL context."""
-        self._rollout.env.close()
+        """Frees the simulation and its OpenGL context, and lets go of the folder."""
+        self._store.close()
+        self._env.close()
 
     @property
-    def title(self) -> str:
-        """Says in one line what was run and how it went."""
-        options = self.options
-        reached = sum(episode.is_success for episode in self.episodes)
-        return (
-            f'{options.task} · {options.policy} · {options.convention}: '
-            f'{reached} of {len(self.episodes)} end at the goal'
-        )
+    def finished(self) -> int:
+        """Number of finished episodes, of all policies together."""
+        return sum(len(each.episodes) for each in self.candidates)
 
     @property
-    def result(self) -> str:
-        """Says in one line how the finished episodes went."""
-        figures = recording.summarize(self.episodes)
-        distance_cm = 100 * figures['final_distance_m']['mean']
-        return (
-            f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
-            f'{len(self.episodes)}; mean distance {distance_cm:.1f} cm; '
-            f'mean return {figures["return"]["mean"]:.4g}; '
-            f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
-        )
+    def results(self) -> list[str]:
+        """Says of each policy, in one line, how its finished episodes went."""
+        lines = []
+        for each in self.candidates:
+            if not each.episodes:
+                continue
+            figures = recording.summarize(each.episodes)
+            distance_cm = 100 * figures['final_distance_m']['mean']
+            lines.append(
+                (f'{each.policy}: ' if len(self.candidates) > 1 else '')
+                + f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
+                f'{len(each.episodes)}; mean distance {distance_cm:.1f} cm; '
+                f'mean return {figures["return"]["mean"]:.4g}; '
+                f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
+            )
+        return lines
 
     def run(self) -> list[Written]:
-        """Runs the episodes and writes the files.
+        """Runs the episodes that are not finished yet, and writes the files.
 
-        On SIGINT or SIGTERM the present episode is dropped and `stopped_by` is set; files tell
-        of those before it.
+        On SIGINT or SIGTERM the present episodes are dropped and `stopped_by` is set; files tell
+        of those that are finished, and the same run made again continues there.
 
         Returns:
             The files, those to open first at the front; none if no episode was finished.
-        """
-        options, started = self.options, time.perf_counter()
-        with (
-            _signals_noted() as noted,
-            tqdm.tqdm(
-                total=options.episodes * options.max_episode_steps,
-                unit='step',
-                dynamic_ncols=True,
-                mininterval=0.5,
-            ) as bar,
-        ):
 
-            def observe(step: int) -> None:
+        Raises:
+            ValueError: if a policy gives an action that is not valid.
+            ReplayError: if a film does not show what happened.
+        """
+        started = time.perf_counter()
+        with _signals_noted() as noted:
+
+            def observe() -> None:
                 if noted:
                     raise _Stopped
-                bar.update(step > 0)
 
             with contextlib.suppress(_Stopped):
-                for index in range(options.episodes):
-                    bar.set_description(f'episode {index + 1} of {options.episodes}')
-                    self._run_episode(options.seed + index, observe)
-            bar.close()
-            if len(self.episodes) < options.episodes:
-                self.stopped_by = noted[0]
-            return self._write(time.perf_counter() - started) if self.episodes else []
+                self._run_episodes(observe)
+                self._take_films(observe)
+            # A signal that comes later finds nothing left to be stopped.
+            self.stopped_by = noted[0] if noted and not self._is_complete else None
+            if not self.finished:
+                return []
+            written = self._write(time.perf_counter() - started)
+            if self._is_complete:
+                self._store.discard()
+            return written
 
-    def _run_episode(self, seed: int, observe: Callable[[int], None]) -> None:
-        if self._gl_backend is None:
-            self.episodes.append(self._rollout.run(seed, observe))
+    @property
+    def _is_complete(self) -> bool:
+        return self.finished == len(self.candidates) * self.options.episodes and all(
+            each.films.keys() == set(self._chosen()) for each in self.candidates
+        )
+
+    def _run_episodes(self, observe: Callable[[], None]) -> None:
+        options = self.options
+        for each in self.candidates:
+            each.episodes = self._store.episodes(each.key, options.seeds)
+        self.continued = self.finished
+        with tqdm.tqdm(
+            total=len(self.candidates) * options.episodes * options.max_episode_steps,
+            initial=self.finished * options.max_episode_steps,
+            unit='step',
+            dynamic_ncols=True,
+            mininterval=0.5,
+        ) as bar:
+
+            def advance(episodes: int) -> None:
+                observe()
+                bar.update(episodes)
+
+            for each in self.candidates:
+                bar.set_description(each.policy)
+                self._run_candidate(each, advance)
+
+    def _run_candidate(self, candidate: Candidate, observe: Callable[[int], None]) -> None:
+        options = self.options
+        done = {episode.seed for episode in candidate.episodes}
+        seeds = [seed for seed in options.seeds if seed not in done]
+        if not seeds:
             return
-        options, thumbnails = self.options, []
-        shown = rendering.shown_steps(options.max_episode_steps)
-        path = options.folder / _film_name(len(self.episodes))
-        with rendering.film(path, options.fps) as add_picture:
+        with batch_rollout.BatchRollout(
+            options.of_episodes(candidate.policy), min(options.num_envs, len(seeds))
+        ) as batch:
+            for episodes in batch.run(seeds, observe):
+                self._store.add(candidate.key, episodes)
+                candidate.episodes.extend(episodes)
+        candidate.episodes.sort(key=lambda episode: episode.seed)
 
-            def film(step: int) -> None:
-                observe(step)
-                picture = self._camera.picture()
-                add_picture(picture)
-                if step in shown:
-                    thumbnails.append(rendering.thumbnail(picture))
+    def _chosen(self) -> list[int]:
+        """Returns the indices of the episodes to film; none where no picture can be taken."""
+        if self._gl_backend is None:
+            return []
+        distances = [[e.distance[-1] for e in each.episodes] for each in self.candidates]
+        return filming.choose(distances, self.options.films, self.options.num_films)
 
-            episode = self._rollout.run(seed, film)
-        self.episodes.append(episode)
-        if len(self._strips) < rendering.MAX_ROWS:
-            self._strips.append(rendering.Strip(episode, thumbnails))
+    def _take_films(self, observe: Callable[[], None]) -> None:
+        options, chosen = self.options, self._chosen()
+        look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}'
+        with tqdm.tqdm(
+            total=len(self.candidates) * len(chosen) * (options.max_episode_steps + 1),
+            unit='frame',
+            desc='films',
+            dynamic_ncols=True,
+            mininterval=0.5,
+            disable=not chosen,
+        ) as bar:
+
+            def advance(step: int) -> None:
+                del step  # Unused.
+                observe()
+                bar.update()
+
+            for each in self.candidates:
+                folder = self._store.folder(each.key, f'films_{look}')
+                studio = filming.Studio(folder, self._env, self._camera, options.fps)
+                for index in chosen:
+                    episode = each.episodes[index]
+                    film = studio.kept(episode)
+                    if film is None:
+                        film = studio.film(episode, advance)
+                    else:
+                        bar.update(options.max_episode_steps + 1)
+                    each.films[index] = film
 
     def _write(self, wall_seconds: float) -> list[Written]:
         folder = self.options.folder
         names_before = recording.load_json(folder / SUMMARY).get('files', ())
-        written = []
-        if self._gl_backend is not None:
-            title = self.title
-            if len(self._strips) < len(self.episodes):
-                title += f' · the first {len(self._strips)} are shown'
-            rendering.save_contact_sheet(
-                folder / CONTACT_SHEET, self._strips, title, self._control_timestep
-            )
-            films = tuple(_film_name(index) for index in range(len(self.episodes)))
-            written += [
-                Written((CONTACT_SHEET,), 'a row of pictures for each episode'),
-                Written(films, 'a film of each episode'),
-            ]
-        plots.save_progress(folder / PROGRESS, self.episodes, self.title, self._control_timestep)
-        recording.save_trajectories(folder / TRAJECTORIES, self.episodes)
-        written += [
-            Written((PROGRESS,), 'distance to the goal and return over time'),
-            Written((TRAJECTORIES,), 'observations, actions and rewards, for numpy.load'),
-            Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
+        candidates = [each for each in self.candidates if each.episodes]
+        for each in candidates:
+            (folder / each.path('')).mkdir(exist_ok=True)
+        written = [
+            *self._write_pictures([each for each in candidates if each.films]),
+            *self._write_data(candidates),
         ]
         names = [name for each in written for name in each.names]
         summary = self._summary(wall_seconds)
@@ -227,20 +262,95 @@ class Run:
 
         # A film of an earlier and longer run would be taken for one of this run.
         for name in set(names_before) - set(names):
-            if name in _FIXED_NAMES or _FILM_NAME.fullmatch(name):
+            if isinstance(name, str) and _OWN_NAME.fullmatch(name):
                 (folder / name).unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # Of the folder itself, or one not empty.
+                    (folder / name).parent.rmdir()
         return written
 
-    def _summary(self, wall_seconds: float) -> dict[str, Any]:
+    def _write_pictures(self, candidates: Sequence[Candidate]) -> list[Written]:
+        sheets, films = [], []
+        for each in candidates:
+            strips = [
+                rendering.Strip(index, each.episodes[index], film.thumbnails)
+                for index, film in list(each.films.items())[: rendering.MAX_ROWS]
+            ]
+            title = self._title(each)
+            if len(strips) < len(each.episodes):
+                title += f' · {len(strips)} are shown'
+            sheets.append(each.path(CONTACT_SHEET))
+            rendering.save_contact_sheet(
+                self.options.folder / sheets[-1], strips, title, self._control_timestep
+            )
+            for index, film in each.films.items():
+                films.append(each.path(_film_name(index)))
+                recording.copy(film.path, self.options.folder / films[-1])
+        if not films:
+            return []
+        return [
+            Written(sheets, 'a row of pictures for each film'),
+            Written(sorted(films), 'films'),
+        ]
+
+    def _write_data(self, candidates: Sequence[Candidate]) -> list[Written]:
+        folder = self.options.folder
+        for each in candidates:
+            plots.save_progress(
+                folder / each.path(PROGRESS),
+                each.episodes,
+                self._title(each),
+                self._control_timestep,
+            )
+            recording.save_trajectories(folder / each.path(TRAJECTORIES), each.episodes)
+        return [
+            Written(
+                [each.path(PROGRESS) for each in candidates],
+                'distance to the goal and return over time',
+            ),
+            Written(
+                [each.path(TRAJECTORIES) for each in candidates],
+                'observations, actions and rewards, for numpy.load',
+            ),
+            Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
+        ]
+
+    def _title(self, candidate: Candidate) -> str:
+        """Says in one line what was run and how it went."""
+        reached = sum(episode.is_success for episode in candidate.episodes)
+        return (
+            f'{self.options.task} · {candidate.policy} · {self.options.convention}: '
+            f'{reached} of {len(candidate.episodes)} end at the goal'
+        )
+
+    def _identity(self) -> dict[str, Any]:
+        options = dataclasses.asdict(self.options.of_episodes(''))
+        del options['policy']
         return {
+            **options,
+            'policies': list(self.options.policy),
+            'versions': recording.versions(),
+            'code': store.code_digest(),
+        }
+
+    def _summary(self, wall_seconds: float) -> dict[str, Any]:
+        summary = {
             'flags': dataclasses.asdict(self.options),
-            'episodes_finished': len(self.episodes),
+            'episodes_finished': self.finished,
             'stopped_by': self.stopped_by.name if self.stopped_by else None,
             'wall_seconds': round(wall_seconds, 2),
             'gl_backend': self._gl_backend,
             'versions': recording.versions(),
-            **recording.summarize(self.episodes),
         }
+        figures = [
+            {'policy': each.policy, **recording.summarize(each.episodes)}
+            for each in self.candidates
+            if each.episodes
+        ]
+        return (
+            {**summary, **figures[0]}
+            if len(self.candidates) == 1
+            else {**summary, 'policies': figures}
+        )
 
 
 class _Stopped(Exception):

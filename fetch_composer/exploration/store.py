@@ -1,0 +1,156 @@
+"""Keeps what an unfinished run has done, so that the same command can continue it.
+
+A folder of files, each whole: what was run, the episodes finished so far, and films. It goes when
+the run has finished, because then its results are in their places.
+"""
+
+import contextlib
+import dataclasses
+import hashlib
+import pathlib
+import shutil
+import zipfile
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+import fetch_composer
+from fetch_composer.exploration import recording, rollout
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # On Windows nothing keeps two runs apart.
+    fcntl = None  # type: ignore[assignment]
+
+NAME = '.unfinished_run'
+_IDENTITY = 'identity.json'
+_LOCK = 'lock'
+_EPISODES = 'episodes_from_seed_{seed}.npz'
+
+
+class Store:
+    """What an unfinished run has done; of one process at a time."""
+
+    def __init__(self, folder: pathlib.Path, identity: dict[str, Any], fresh: bool = False) -> None:
+        """Opens what is there of a run, or begins one.
+
+        Args:
+            folder: The folder that the run writes its results into.
+            identity: What decides on its episodes, fit for JSON. Episodes of another identity
+                are never mixed with this run's.
+            fresh: Whether to discard what is there.
+
+        Raises:
+            ValueError: if there is an unfinished run of another identity, or one that is still
+                at work; the message says what to do. Nothing is changed.
+            OSError: if nothing can be written.
+        """
+        self._path = folder / NAME
+        self._path.mkdir(exist_ok=True)
+        self._lock = _locked(self._path / _LOCK)
+        try:
+            found = recording.load_json(self._path / _IDENTITY)
+            if fresh or not found or self.is_empty:
+                self._clear()
+            elif found != identity:
+                names = sorted(
+                    name for name in {*found, *identity} if found.get(name) != identity.get(name)
+                )
+                raise ValueError(
+                    f'{folder} holds an unfinished run that differs in {", ".join(names)}: '
+                    'continue it with its own command, choose another --output_dir, or discard '
+                    'it with --fresh.'
+                )
+            recording.save_json(self._path / _IDENTITY, identity)
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def folder(self, *names: str) -> pathlib.Path:
+        """Returns a folder of the store, which need not be there yet."""
+        return self._path.joinpath(*names)
+
+    def episodes(self, policy: str, seeds: Sequence[int]) -> list[rollout.Episode]:
+        """Returns the episodes that are kept of some seeds, in the order of those, each once."""
+        found: dict[int, rollout.Episode] = {}
+        for path in sorted(self.folder(policy).glob(_EPISODES.format(seed='*'))):
+            for episode in _load(path):
+                found.setdefault(episode.seed, episode)
+        return [found[seed] for seed in seeds if seed in found]
+
+    def add(self, policy: str, episodes: Sequence[rollout.Episode]) -> None:
+        """Keeps episodes of one policy, named as in `episodes`: all of them or none."""
+        self.folder(policy).mkdir(exist_ok=True)
+        path = self.folder(policy) / _EPISODES.format(seed=episodes[0].seed)
+        names = [field.name for field in dataclasses.fields(rollout.Episode)]
+        recording.save_arrays(
+            path, {name: np.stack([getattr(each, name) for each in episodes]) for name in names}
+        )
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no episode is kept."""
+        return next(self._path.glob(f'*/{_EPISODES.format(seed="*")}'), None) is None
+
+    def close(self) -> None:
+        """Lets go of the store, for another process to continue; an empty one is removed."""
+        if self._lock.closed:
+            return
+        if self.is_empty:
+            self.discard()
+        else:
+            self._lock.close()
+
+    def discard(self) -> None:
+        """Removes the store, since the run has finished."""
+        # Without an identity, whatever else is left counts for nothing.
+        (self._path / _IDENTITY).unlink(missing_ok=True)
+        shutil.rmtree(self._path, ignore_errors=True)
+        self._lock.close()
+
+    def _clear(self) -> None:
+        (self._path / _IDENTITY).unlink(missing_ok=True)
+        for path in self._path.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path.name != _LOCK:
+                path.unlink()
+
+
+def _locked(path: pathlib.Path):
+    """Returns an open file that no other process can lock until it is closed or its owner dies."""
+    file = path.open('a')
+    if fcntl is not None:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.close()
+            raise ValueError(
+                f'Another run is at work in {path.parent.parent}: wait for it, or choose another '
+                '--output_dir.'
+            ) from None
+    return file
+
+
+def _load(path: pathlib.Path) -> Iterator[rollout.Episode]:
+    """Yields the episodes in a file; none if it cannot be read, so that they run again."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        with np.load(path) as file:
+            arrays = dict(file)
+        for index in range(len(arrays['seed'])):
+            values = {name: array[index] for name, array in arrays.items()}
+            values['seed'] = int(values['seed'])
+            values['step_seconds'] = float(values['step_seconds'])
+            yield rollout.Episode(**values)
+
+
+def code_digest() -> str:
+    """Returns a digest of this package's code and models, which decide on every episode."""
+    root = pathlib.Path(fetch_composer.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob('*')):
+        if path.suffix in ('.py', '.xml', '.json') and path.is_file():
+            digest.update(path.relative_to(root).as_posix().encode() + b'\0')
+            digest.update(path.read_bytes() + b'\0')
+    return digest.hexdigest()
