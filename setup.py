@@ -7,7 +7,7 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.0']
-EXPLORE = ['imageio[ffmpeg]>=2.31', 'matplotlib>=3.7', 'tqdm>=4.60']
+EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'tqdm>=4.60']
 TEST = ['pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
@@ -19,7 +19,9 @@ setuptools.setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=setuptools.find_packages(include=['fetch_composer', 'fetch_composer.*']),
-    package_data={'fetch_composer': ['py.typed', 'entities/*.xml', 'tasks/*.json']},
+    package_data={
+        'fetch_composer': ['py.typed', 'entities/*.xml', 'tasks/*.json', 'exploration/*.j2']
+    },
     install_requires=[
         'absl-py>=2.0',
         'dm-control>=1.0.50',

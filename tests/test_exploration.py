@@ -24,7 +24,7 @@ _EPISODES = 2
 _STEPS = 9
 _SEED = 7
 _SMALL = ('--width=96', '--height=64')
-_PLAIN_FILES = {'progress.png', 'summary.json', 'trajectories.npz'}
+_PLAIN_FILES = {'progress.png', 'report.html', 'summary.json', 'trajectories.npz'}
 _SECONDS_TO_START = 60
 
 

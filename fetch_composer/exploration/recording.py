@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fetch_composer.exploration import rollout
+from fetch_composer.exploration import rollout, statistics
 
 _DISTRIBUTIONS = ('fetch_composer', 'dm-control', 'mujoco', 'numpy')
 
@@ -65,8 +65,13 @@ def copy(source: pathlib.Path, path: pathlib.Path) -> None:
 
 def save_json(path: pathlib.Path, content: Mapping[str, Any]) -> None:
     """Writes an indented JSON file."""
+    save_text(path, json.dumps(content, indent=2) + '\n')
+
+
+def save_text(path: pathlib.Path, text: str) -> None:
+    """Writes a text file."""
     with whole_file(path) as partial:
-        partial.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
+        partial.write_text(text, encoding='utf-8')
 
 
 def load_json(path: pathlib.Path) -> dict[str, Any]:
@@ -94,8 +99,10 @@ def summarize(episodes: Sequence[rollout.Episode]) -> dict[str, Any]:
     distances = [float(each.distance[-1]) for each in episodes]
     returns = [each.total_reward for each in episodes]
     seconds = sum(each.step_seconds for each in episodes)
+    success = statistics.success_rate([each.is_success for each in episodes])
     return {
-        'success_rate': float(np.mean([each.is_success for each in episodes])),
+        'success_rate': success.value,
+        'success_interval': [success.low, success.high],
         'return': _spread(returns),
         'final_distance_m': _spread(distances),
         'control_steps_per_second': round(sum(each.steps for each in episodes) / seconds, 1),

@@ -14,28 +14,27 @@ import fetch_composer
 from fetch_composer import policies
 from fetch_composer.exploration import (
     batch_rollout,
+    compare,
     filming,
     plots,
     recording,
     rendering,
-    rollout,
+    report,
     store,
 )
+from fetch_composer.exploration.candidate import Candidate
 from fetch_composer.exploration.options import Options, file_name
 
-__all__ = ('Candidate', 'Options', 'Run', 'Written')
+__all__ = ('Options', 'Run', 'Written')
 
 TRAJECTORIES = 'trajectories.npz'
 SUMMARY = 'summary.json'
+REPORT = 'report.html'
 PROGRESS = 'progress.png'
 CONTACT_SHEET = 'contact_sheet.png'
 _OWN_NAME = re.compile(
     r'(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
 )
-
-
-def _film_name(index: int) -> str:
-    return f'episode_{index:03d}.mp4'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,29 +48,6 @@ class Written:
 
     names: Sequence[str]
     content: str
-
-
-@dataclasses.dataclass
-class Candidate:
-    """One of the policies of a run, and what it has done.
-
-    Attributes:
-        policy: Its name.
-        key: A name for it that is fit for a folder, and its alone in the run.
-        is_alone: Whether it is the run's only one.
-        episodes: The finished episodes.
-        films: Films by the index of their episode.
-    """
-
-    policy: str
-    key: str
-    is_alone: bool
-    episodes: list[rollout.Episode] = dataclasses.field(default_factory=list)
-    films: dict[int, filming.Film] = dataclasses.field(default_factory=dict)
-
-    def path(self, name: str) -> str:
-        """Returns the path of one of its files within the run's folder."""
-        return name if self.is_alone else f'{self.key}/{name}'
 
 
 class Run:
@@ -252,12 +228,15 @@ class Run:
         candidates = [each for each in self.candidates if each.episodes]
         for each in candidates:
             (folder / each.path('')).mkdir(exist_ok=True)
+        comparisons = self._comparisons()
+        self._write_report(candidates, comparisons)
         written = [
+            Written((REPORT,), 'all of it on one page, films included'),
             *self._write_pictures([each for each in candidates if each.films]),
             *self._write_data(candidates),
         ]
         names = [name for each in written for name in each.names]
-        summary = self._summary(wall_seconds)
+        summary = self._summary(wall_seconds, comparisons)
         recording.save_json(folder / SUMMARY, {**summary, 'files': names})
 
         # A film of an earlier and longer run would be taken for one of this run.
@@ -267,6 +246,29 @@ class Run:
                 with contextlib.suppress(OSError):  # Of the folder itself, or one not empty.
                     (folder / name).parent.rmdir()
         return written
+
+    def _comparisons(self) -> list[compare.Comparison]:
+        """Returns the comparison of the first policy with each other."""
+        first, *others = self.candidates
+        compared = [
+            compare.compare(first.policy, first.episodes, each.policy, each.episodes)
+            for each in others
+        ]
+        return [each for each in compared if each is not None]
+
+    def _write_report(
+        self, candidates: Sequence[Candidate], comparisons: Sequence[compare.Comparison]
+    ) -> None:
+        task = self._env.task
+        page = report.render(
+            self.options,
+            candidates,
+            comparisons,
+            report.Setting(task.workspace, task.scene.block is not None, self._control_timestep),
+            recording.versions(),
+            stopped=self.stopped_by is not None,
+        )
+        recording.save_text(self.options.folder / REPORT, page)
 
     def _write_pictures(self, candidates: Sequence[Candidate]) -> list[Written]:
         sheets, films = [], []
@@ -283,7 +285,7 @@ class Run:
                 self.options.folder / sheets[-1], strips, title, self._control_timestep
             )
             for index, film in each.films.items():
-                films.append(each.path(_film_name(index)))
+                films.append(each.film_path(index))
                 recording.copy(film.path, self.options.folder / films[-1])
         if not films:
             return []
@@ -332,7 +334,9 @@ class Run:
             'code': store.code_digest(),
         }
 
-    def _summary(self, wall_seconds: float) -> dict[str, Any]:
+    def _summary(
+        self, wall_seconds: float, comparisons: Sequence[compare.Comparison]
+    ) -> dict[str, Any]:
         summary = {
             'flags': dataclasses.asdict(self.options),
             'episodes_finished': self.finished,
@@ -341,16 +345,17 @@ class Run:
             'gl_backend': self._gl_backend,
             'versions': recording.versions(),
         }
-        figures = [
-            {'policy': each.policy, **recording.summarize(each.episodes)}
-            for each in self.candidates
-            if each.episodes
-        ]
-        return (
-            {**summary, **figures[0]}
-            if len(self.candidates) == 1
-            else {**summary, 'policies': figures}
-        )
+        if len(self.candidates) == 1:
+            return {**summary, **recording.summarize(self.candidates[0].episodes)}
+        return {
+            **summary,
+            'comparisons': [each.figures() for each in comparisons],
+            'policies': [
+                {'policy': each.policy, **recording.summarize(each.episodes)}
+                for each in self.candidates
+                if each.episodes
+            ],
+        }
 
 
 class _Stopped(Exception):

@@ -1,0 +1,106 @@
+"""The table seen from above, with the ways of gripper and object."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import lines as line_marks
+from matplotlib import patches
+
+from fetch_composer.exploration import charts, rollout, style
+from fetch_composer.tasks import rewards, scene
+
+_MARGIN = 0.05  # m around what is shown: the table, or an episode's ways ...
+_NARROWEST = 0.4  # ... of which no less is shown than this.
+_GRIPPER = '#8a94a0'
+_GOAL = '#00795c'
+_TABLE = '#f1efe9'
+_GRIPPERS_OF = 12  # With more episodes than these, only the objects' ways are drawn.
+
+
+def top_view(
+    episodes: Sequence[rollout.Episode], workspace: scene.Workspace, has_object: bool
+) -> str:
+    """Returns an SVG of the ways in the plane of the table; x points away from the robot.
+
+    Args:
+        episodes: One or more episodes.
+        workspace: Where the table is.
+        has_object: Whether the achieved goal is the place of an object, or of the gripper.
+    """
+    grippers = [each.observation[:, :2] for each in episodes]
+    things = [each.achieved_goal[:, :2] for each in episodes]
+    goals = np.stack([each.desired_goal[-1, :2] for each in episodes])
+    centre, half = np.array(workspace.table_position[:2]), np.array(workspace.table_half_size[:2])
+    one = len(episodes) == 1
+    corners = np.concatenate([goals, *things])
+    if len(episodes) <= _GRIPPERS_OF:
+        corners = np.concatenate([corners, *grippers])
+    if not one:
+        corners = np.concatenate([corners, [centre - half, centre + half]])
+    low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
+    lacking = np.maximum(_NARROWEST - (high - low), 0) / 2
+    low, high = low - lacking, high + lacking
+    height = float(np.clip((charts.WIDTH - 0.7) * (high - low)[1] / (high - low)[0], 3, 4.6)) + 1.1
+
+    with charts.svg(height) as (canvas, result):
+        axes = canvas.subplots()
+        axes.add_patch(
+            patches.Rectangle(centre - half, *(2 * half), facecolor=_TABLE, edgecolor='#d8d4c8')
+        )
+        if has_object and len(episodes) <= _GRIPPERS_OF:
+            for path in grippers:
+                axes.plot(*path.T, color=_GRIPPER, linewidth=1.1, alpha=1 if one else 0.5)
+                axes.plot(*path[0], 'o', mfc=style.PAPER, mec=_GRIPPER, ms=5)
+        charts.lines(axes, things, episodes, zorder=3)
+        _mark(axes, things, goals, episodes)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect='equal')
+        axes.set_xlabel('x (m), away from the robot')
+        axes.set_ylabel('y (m)')
+        axes.grid(alpha=0.15)
+        handles = _legend(episodes, has_object, len(episodes) <= _GRIPPERS_OF)
+        canvas.legend(
+            handles=handles, loc='outside lower center', ncols=3, frameon=False, fontsize=9.5,
+            handletextpad=0.4, columnspacing=1.0,
+        )  # fmt: skip
+    return result[0]
+
+
+def _mark(axes, things, goals: np.ndarray, episodes: Sequence[rollout.Episode]) -> None:
+    """Marks starts, ends and goals."""
+    few = len(episodes) <= _GRIPPERS_OF
+    size = 8 if few else 3.5
+    for path, goal, episode in zip(things, goals, episodes, strict=True):
+        colour = style.SUCCESS if episode.is_success else style.FAILURE
+        if few:
+            axes.add_patch(
+                patches.Circle(
+                    goal, rewards.DISTANCE_THRESHOLD, fill=False, edgecolor=_GOAL, linestyle='--'
+                )
+            )
+            axes.plot(*path[0], 's', mfc=style.PAPER, mec=colour, ms=size, zorder=4)
+        axes.plot(*path[-1], 's', color=colour, ms=size, zorder=5, rasterized=not few,
+                  markeredgewidth=0)  # fmt: skip
+    axes.plot(*goals.T, '+', color=_GOAL, ms=9 if few else 4, mew=1.6 if few else 0.8,
+              zorder=6 if few else 2, rasterized=not few, alpha=1 if few else 0.6)  # fmt: skip
+
+
+def _legend(episodes, has_object: bool, few: bool) -> list[line_marks.Line2D]:
+    def mark(label: str, **kwargs) -> line_marks.Line2D:
+        return line_marks.Line2D([], [], label=label, **kwargs)
+
+    ends = {each.is_success for each in episodes}
+    colour = style.SUCCESS if True in ends else style.FAILURE
+    thing = 'object' if has_object else 'gripper'
+    handles = [mark('goal', color=_GOAL, marker='+', linestyle='', ms=9, mew=1.6)]
+    if few:
+        hollow = {'mfc': style.PAPER, 'mec': colour, 'ms': 7}
+        handles.append(mark(f'{thing}, start', color=colour, marker='s', linestyle='', **hollow))
+    if True in ends:
+        label = f'{thing}, at the goal'
+        handles.append(mark(label, color=style.SUCCESS, marker='s', ms=6))
+    if False in ends:
+        label = f'{thing}, elsewhere'
+        handles.append(mark(label, color=style.FAILURE, marker='s', ms=6))
+    if has_object and few:
+        handles.append(mark('gripper', color=_GRIPPER, marker='o', mfc=style.PAPER, ms=5))
+    return handles

@@ -1,0 +1,176 @@
+"""The report: one page that stands alone."""
+
+import dataclasses
+import html.parser
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fetch_composer.exploration import batch_rollout, compare, filming, report
+from fetch_composer.exploration import run as run_lib
+from fetch_composer.exploration.candidate import Candidate
+from fetch_composer.tasks import registry
+
+_EVIL = '<script>alert("x")</script>$a_b$ & \'"'
+_VOID = {'meta', 'img', 'br', 'link', 'input', 'hr'}
+
+
+class _Page(html.parser.HTMLParser):
+    """Reads a page, and makes sure that its elements are closed in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.text, self._open = [], '', []
+        self.feed(text)
+        self.close()
+        assert not self._open
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in _VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+    def all(self, tag, name):
+        return [attrs[name] for each, attrs in self.elements if each == tag and name in attrs]
+
+
+def _options(**changes):
+    options = run_lib.Options(
+        task='push', policy=('random',), episodes=4, seed=3, convention='documented',
+        reward_type='sparse', max_episode_steps=6, num_envs=4, films='worst', num_films=2,
+        camera='front', width=96, height=64, fps=25, output_dir='out folder',
+    )  # fmt: skip
+    return dataclasses.replace(options, **changes)
+
+
+@pytest.fixture(scope='module')
+def episodes():
+    options = batch_rollout.EpisodeOptions('push', 'random', max_episode_steps=6)
+    return batch_rollout.run_episodes(options, range(3, 7))
+
+
+@pytest.fixture(scope='module')
+def setting():
+    task = registry.make('push')
+    return report.Setting(task.workspace, True, 0.04)
+
+
+def _film(tmp_path):
+    path = tmp_path / 'film.mp4'
+    path.write_bytes(b'a film')
+    return filming.Film(path, [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3)
+
+
+def _render(options, candidates, setting, comparisons=(), stopped=False):
+    return report.render(options, candidates, comparisons, setting, {'mujoco': '3'}, stopped)
+
+
+def test_the_page_needs_nothing_beside_it(tmp_path, episodes, setting):
+    films = {2: _film(tmp_path), 0: _film(tmp_path)}
+    text = _render(_options(), [Candidate('random', '1_random', True, episodes, films)], setting)
+    page = _Page(text)
+    sources = [*page.all('img', 'src'), *page.all('video', 'src'), *page.all('video', 'poster')]
+    assert len(page.all('video', 'src')) == 2
+    assert all(source.startswith('data:') for source in sources)
+    assert not page.all('link', 'href') and not page.all('script', 'src')
+    assert '://' not in text
+    ids = set(page.all('article', 'id'))
+    assert ids == {'film-2', 'film-0'}
+    assert set(page.all('a', 'href')) == {f'#{each}' for each in ids}
+
+
+def test_a_row_for_each_episode_failures_and_the_furthest_first(episodes, setting):
+    page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
+    rows = [tag for tag, _ in page.elements].count('details')
+    assert rows == len(episodes)
+    order = sorted(episodes, key=lambda each: (each.is_success, -each.distance[-1]))
+    first = page.text.index(f'{100 * order[0].distance[-1]:.1f} cm', page.text.index('Episodes,'))
+    last = page.text.index(f'{100 * order[-1].distance[-1]:.1f} cm', page.text.index('Episodes,'))
+    assert first < last
+    assert '95 % interval: 0.0 to 49.0 %' in page.text
+
+
+def test_the_command_of_an_episode_runs_exactly_that_one():
+    options = _options(policy=('random', "it's"), reward_type='dense')
+    words = shlex.split(report.replay_command(options, options.policy, 5))
+    assert words[:2] == ['python', 'explore.py']
+    assert '--policy=random' in words and "--policy=it's" in words
+    for flag in ('seed=5', 'episodes=1', 'task=push', 'reward_type=dense', 'max_episode_steps=6',
+                 'convention=documented', 'output_dir=out folder/seed_5'):  # fmt: skip
+        assert f'--{flag}' in words
+
+
+def test_the_same_results_give_the_same_page(tmp_path, episodes, setting):
+    def page():
+        films = {1: _film(tmp_path)}
+        return _render(_options(), [Candidate('random', '1', True, episodes, films)], setting)
+
+    assert page() == page()
+
+
+def test_what_the_user_gave_is_text_and_never_markup(tmp_path, episodes, setting):
+    options = _options(policy=(_EVIL, 'random'), output_dir=f'out/{_EVIL}')
+    films = {1: _film(tmp_path)}
+    candidates = [
+        Candidate(policy, f'{i}_x', False, episodes, films)
+        for i, policy in enumerate(options.policy)
+    ]
+    compared = [compare.compare(_EVIL, episodes, 'random', episodes)]
+    text = _render(options, candidates, setting, compared, stopped=True)
+    page = _Page(text)
+    assert [tag for tag, _ in page.elements].count('script') == 1
+    assert 'alert("x")' not in re.sub('<script>.*', '', text.replace('&#34;', '&quot;'), flags=re.S)
+    assert _EVIL in page.text
+    assert 'stopped before its end' in page.text
+    assert 'Compared on the same seeds' in page.text
+
+
+@pytest.mark.parametrize('count', [1, 2])
+def test_few_episodes_are_reported_too(episodes, setting, count):
+    candidates = [Candidate('random', '1', True, episodes[:count])]
+    assert 'All episodes' in _render(_options(episodes=count), candidates, setting)
+
+
+def test_long_lists_are_cut_and_say_so(episodes, setting, monkeypatch):
+    monkeypatch.setattr(report, 'MOST_ROWS', 3)
+    page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
+    assert [tag for tag, _ in page.elements].count('details') == 3
+    assert '1 more episodes are listed in summary.json' in page.text
+
+
+def test_films_beyond_the_page_are_linked(tmp_path, episodes, setting, monkeypatch):
+    monkeypatch.setattr(report, 'MOST_FILMS', 1)
+    films = {2: _film(tmp_path), 0: _film(tmp_path)}
+    page = _Page(_render(_options(), [Candidate('random', '1', True, episodes, films)], setting))
+    assert set(page.all('a', 'href')) == {'#film-2', 'episode_000.mp4'}
+    assert '1 more films lie beside this page' in page.text
+
+
+def test_a_run_of_each_task_writes_its_report(tmp_path, task_name):
+    options = _options(task=task_name, policy=('random', 'zero'), output_dir=str(tmp_path))
+    run = run_lib.Run(options, None)
+    run.run()
+    run.close()
+    page = _Page((tmp_path / 'report.html').read_text(encoding='utf-8'))
+    assert task_name in page.text
+    summary = json.loads((tmp_path / 'summary.json').read_text())
+    (comparison,) = summary['comparisons']
+    assert (comparison['first'], comparison['second']) == ('random', 'zero')
+    assert comparison['seeds'] == 4
+    low, high = (comparison['success_difference'][end] for end in ('low', 'high'))
+    assert low <= comparison['success_difference']['value'] <= high
+    assert {each['policy'] for each in summary['policies']} == {'random', 'zero'}
+    assert all(each['success_interval'][0] >= 0 for each in summary['policies'])
+    assert set(summary['files']) == {
+        str(path.relative_to(tmp_path)) for path in tmp_path.rglob('*') if path.is_file()
+    }
