@@ -63,6 +63,7 @@ class BatchEnvironment:
                 "A batch renders no pictures: use observation_mode='features', or single "
                 'environments.'
             )
+        self._task.scene.remove_looks()
         # The single environment compiles the model and has the specs.
         self._single = Environment(self._task, random_state=0)
         self._addresses = self._task.addresses

@@ -52,7 +52,7 @@ def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trun
         body.add(
             'geom',
             name=name.replace('_link', '_hull'),
-            dclass='trunk' if trunk else 'collision',
+            dclass=mjcf_model.find('default', 'trunk' if trunk else 'collision'),
             type='mesh',
             mesh=mjcf_model.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel()),
         )
