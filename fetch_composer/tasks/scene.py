@@ -94,6 +94,8 @@ class Scene:
             locked_gripper: Whether the gripper stays closed.
         """
         self.arena = entities.Arena()
+        if not convention.islands:
+            self.arena.mjcf_model.option.flag.island = 'disable'
         self.arm = entities.FetchArm(
             damped_base=convention.damped_base,
             gravity_compensation=convention.gravity_compensation,
