@@ -73,7 +73,7 @@ class BatchEnvironment:
         self.seed(seed)
         self._goals = np.zeros((num_envs, 3))
         self._steps_taken = np.zeros(num_envs, dtype=np.int64)
-        self._reset_next_step = np.ones(num_envs, dtype=bool)
+        self._reset_next_step: np.ndarray = np.ones(num_envs, dtype=bool)
 
     def _bind(self, model: mujoco.MjModel) -> None:
         """Keeps live arrays over what the batch reads and writes."""

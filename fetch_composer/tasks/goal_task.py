@@ -93,7 +93,7 @@ class GoalTask(composer.Task):
         self._block_placer, self._goal_sampler = self._build_samplers()
         self._every_episode = self.check_start(block_position, goal)
         self._next_episode = starts.Start()
-        self._goal = np.zeros(3)
+        self._goal: np.ndarray = np.zeros(3)
         self._steps_taken = 0
 
     def _build_samplers(self) -> tuple[variation.Variation | None, variation.Variation]:
