@@ -49,6 +49,9 @@ parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajec
 clean:  ## Remove everything that was made, the virtual environments included.
 	rm -rf $(VENV) $(PEER_VENVS) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
 
+# dm_control requires labmaze, which has no wheel for Python 3.13 and which nothing here imports.
+LABMAZE := import setuptools\nsetuptools.setup(name="labmaze", version="1.0.6", py_modules=[])\n
+
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
 	  { echo "Python 3.10 to 3.13 is needed: make PYTHON=python3.12 ..."; exit 1; }
@@ -56,6 +59,10 @@ $(BIN)/python:
 	  { echo "venv is missing; run: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install -q --upgrade pip
+	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 13))'; then \
+	  mkdir -p $(VENV)/labmaze; printf '$(LABMAZE)' > $(VENV)/labmaze/setup.py; \
+	  $(BIN)/pip install -q $(VENV)/labmaze; \
+	fi
 
 $(VENV)/.explore: $(BIN)/python setup.py
 	$(BIN)/pip install -q -e '.[explore]'

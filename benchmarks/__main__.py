@@ -4,6 +4,7 @@ import argparse
 import json
 import pathlib
 import sys
+from typing import Any
 
 from benchmarks import meters, plot, report, results
 from benchmarks import rows as row_lib
@@ -16,7 +17,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='python -m benchmarks', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='few rounds, and no peers')
     parser.add_argument('--pairs', type=int, default=_PAIRS, help='pairs of rounds in a row')
-    parser.add_argument('--only', default='', help='only rows whose group is this')
+    parser.add_argument('--only', default='', help='one group of rows, growth or breakdown')
     parser.add_argument('--output_dir', type=pathlib.Path, default=pathlib.Path('build/bench'))
     for peer in row_lib.PEERS:
         parser.add_argument(f'--{peer}', metavar='PYTHON', help=f'a Python that has {peer}')
@@ -27,27 +28,47 @@ def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, and writes them and the plot."""
     options = _parse(arguments)
     rows, breakdowns = row_lib.all_rows(), row_lib.breakdowns()
+    growth_sides = row_lib.growth_sides()
     num_pairs, num_warm_up = options.pairs, _WARM_UP
     if options.quick:
         rows, breakdowns = row_lib.quick_rows(), breakdowns[:1]
+        growth_sides = row_lib.growth_sides((1, 8))
         num_pairs, num_warm_up = _QUICK_PAIRS, _QUICK_WARM_UP
-    rows = [row for row in rows if options.only in ('', row.group)]
-    measured = results.measure_all(
-        rows,
-        [] if options.only else breakdowns,
-        meters.Interpreters({peer: getattr(options, peer) for peer in row_lib.PEERS}),
-        num_pairs,
-        num_warm_up,
-        progress=lambda text: print(text, file=sys.stderr, flush=True),
-    )
-    print(report.table(measured))
-    print()
-    print(report.breakdown(measured))
-    options.output_dir.mkdir(parents=True, exist_ok=True)
-    json_path = options.output_dir / 'results.json'
-    json_path.write_text(json.dumps(measured, indent=2) + '\n', encoding='utf-8')
-    plot_path = options.output_dir / 'num_envs.png'
-    written = [json_path, plot_path] if plot.save(measured, plot_path) else [json_path]
+    interpreters = meters.Interpreters({peer: getattr(options, peer) for peer in row_lib.PEERS})
+    measured: dict[str, Any] = {'machine': results.describe_machine(), 'rows': []}
+    for row in rows:
+        if options.only in ('', row.group):
+            _say(f'{row.ours.label} against {row.peer.label}')
+            measured['rows'].append(results.measure_row(row, interpreters, num_pairs, num_warm_up))
+    if options.only in ('', 'growth'):
+        _say('growth with the number of environments')
+        measured['growth'] = results.measure_growth(
+            growth_sides, interpreters, max(3, num_pairs // 3), num_warm_up
+        )
+    if options.only in ('', 'breakdown'):
+        _say('where the time goes')
+        measured['breakdowns'] = [
+            results.measure_breakdown(each, interpreters, num_pairs, num_warm_up)
+            for each in breakdowns
+        ]
+    _write(measured, options.output_dir)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _write(measured: dict[str, Any], output_dir: pathlib.Path) -> None:
+    if measured['rows']:
+        print(report.table(measured))
+    if 'breakdowns' in measured:
+        print(f'\n{report.breakdown(measured)}')
+    output_dir.mkdir(parents=True, exist_ok=True)
+    written = [output_dir / 'results.json']
+    written[0].write_text(json.dumps(measured, indent=2) + '\n', encoding='utf-8')
+    if 'growth' in measured:
+        written.append(output_dir / 'num_envs.png')
+        plot.save(measured, written[-1])
     print(f'\nWritten: {", ".join(map(str, written))}')
 
 

@@ -1,5 +1,6 @@
-"""Two sides measured in turn, so that what else the machine does meets both alike."""
+"""Sides measured in turn, so that what else the machine does meets them all alike."""
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 
@@ -22,31 +23,27 @@ class Quartiles:
         return cls(*(float(q) for q in np.quantile(numbers, (0.25, 0.5, 0.75))))
 
 
-def measure_pairs(
-    ours: meters.Meter,
-    peer: meters.Meter,
+def measure_in_turn(
+    sides: Sequence[meters.Meter],
     interpreters: meters.Interpreters,
-    num_pairs: int,
+    num_rounds: int,
     num_warm_up: int,
-) -> list[tuple[float, float]]:
-    """Returns what each side took in each pair of rounds.
+) -> list[tuple[float, ...]]:
+    """Returns what each side took in each round.
 
-    Only one side runs at a time. Which of them goes first alternates, so that a machine that
-    gets slower or faster favours neither.
+    Only one side runs at a time. Every other round runs through them backwards, so that a
+    machine that gets slower or faster favours none.
 
     Args:
-        ours: One side.
-        peer: The other.
+        sides: What takes turns.
         interpreters: Where they run.
-        num_pairs: How many pairs are kept.
+        num_rounds: How many rounds are kept.
         num_warm_up: How many before them are not.
     """
-    pairs = []
-    with ours.opened(interpreters) as measure_ours, peer.opened(interpreters) as measure_peer:
-        for i in range(num_warm_up + num_pairs):
-            if i % 2:
-                cost_peer, cost_ours = measure_peer(), measure_ours()
-            else:
-                cost_ours, cost_peer = measure_ours(), measure_peer()
-            pairs.append((cost_ours, cost_peer))
-    return pairs[num_warm_up:]
+    rounds = []
+    with contextlib.ExitStack() as stack:
+        measures = [stack.enter_context(side.opened(interpreters)) for side in sides]
+        for i in range(num_warm_up + num_rounds):
+            costs = [measure() for measure in (reversed(measures) if i % 2 else measures)]
+            rounds.append(tuple(reversed(costs) if i % 2 else costs))
+    return rounds[num_warm_up:]

@@ -9,35 +9,21 @@ matplotlib.use('Agg')
 
 from matplotlib import pyplot as plt  # noqa: E402
 
-_OURS = 'fetch_composer'
 
-
-def _costs(rows: list[dict[str, Any]]) -> dict[str, dict[int, float]]:
-    """Returns {label: {num_envs: microseconds a control step of one environment}}."""
-    costs: dict[str, dict[int, float]] = {}
-    for row in rows:
-        if row['group'] != 'batch' or 'skipped' in row or '-v4' in row['ours']:
-            continue
-        # Ours comes in every row; the first is as good as any.
-        costs.setdefault(_OURS, {}).setdefault(row['num_envs'], row['our_cost'] * 1e6)
-        costs.setdefault(row['peer'], {})[row['num_envs']] = row['peer_cost'] * 1e6
-    return costs
-
-
-def save(results: dict[str, Any], path: pathlib.Path) -> bool:
-    """Writes the picture, if a batch was measured; returns whether one was.
+def save(results: dict[str, Any], path: pathlib.Path) -> None:
+    """Writes the picture: medians and quartiles.
 
     Args:
-        results: What `results.measure_all` returned.
+        results: With the keys `growth` and `machine`.
         path: Of a .png file.
     """
-    costs_by_label = _costs(results['rows'])
-    if not costs_by_label:
-        return False
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout='constrained')
-    for label, costs in costs_by_label.items():
-        sizes = sorted(costs)
-        axes.plot(sizes, [costs[size] for size in sizes], marker='o', label=label)
+    for label in dict.fromkeys(point['label'] for point in results['growth']):
+        points = [point for point in results['growth'] if point['label'] == label]
+        sizes = [point['num_envs'] for point in points]
+        axes.plot(sizes, [point['cost'] * 1e6 for point in points], marker='o', label=label)
+        lower, upper = zip(*(point['quartiles'] for point in points), strict=True)
+        axes.fill_between(sizes, [q * 1e6 for q in lower], [q * 1e6 for q in upper], alpha=0.2)
     axes.set_xscale('log', base=2)
     axes.set_yscale('log')
     axes.xaxis.set_major_formatter('{x:.0f}')
@@ -48,4 +34,3 @@ def save(results: dict[str, Any], path: pathlib.Path) -> bool:
     axes.legend()
     figure.savefig(path, dpi=150)
     plt.close(figure)
-    return True

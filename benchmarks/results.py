@@ -1,13 +1,15 @@
 """Measures rows and takes control steps apart; the results are plain enough for JSON."""
 
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from importlib import metadata
 from typing import Any
 
 from benchmarks import meters, pairing
 from benchmarks.rows import Breakdown, Row, num_processors
 
 _MIN_PAIRS = 3
+_PACKAGES = ('dm-control', 'mujoco', 'numpy')
 
 
 def measure_row(
@@ -28,12 +30,12 @@ def measure_row(
     count = max(_MIN_PAIRS, round(row.pairs * num_pairs))
     discarded = num_warm_up if row.warms_up else 0
     try:
-        pairs = pairing.measure_pairs(row.ours, row.peer, interpreters, count, discarded)
+        pairs = pairing.measure_in_turn((row.ours, row.peer), interpreters, count, discarded)
     except meters.WorkerError as error:
         if row.peer.interpreter == meters.OWN:
             raise
         return {**result, 'skipped': str(error)}
-    ratio = pairing.Quartiles.of([row.ratio(*pair) for pair in pairs])
+    ratio = pairing.Quartiles.of([row.ratio(ours, peer) for ours, peer in pairs])
     costs = [pairing.Quartiles.of(side).median for side in zip(*pairs, strict=True)]
     return {
         **result,
@@ -58,37 +60,35 @@ def measure_breakdown(
     return {'label': breakdown.label, 'whole': parts.pop('whole'), 'parts': parts}
 
 
-def measure_all(
-    rows: Iterable[Row],
-    breakdowns: Iterable[Breakdown],
+def measure_growth(
+    sides: Iterable[tuple[int, meters.Meter]],
     interpreters: meters.Interpreters,
-    num_pairs: int,
+    num_rounds: int,
     num_warm_up: int,
-    progress: Callable[[str], None],
-) -> dict[str, Any]:
-    """Returns the results of all rows and breakdowns, and of which machine they are.
+) -> list[dict[str, Any]]:
+    """Returns the seconds of a control step of one environment, for each number of them.
 
-    Args:
-        rows: What is compared.
-        breakdowns: What is taken apart.
-        interpreters: Where it runs.
-        num_pairs: How many pairs of rounds are kept, at a row's default.
-        num_warm_up: How many rounds are discarded first.
-        progress: Called with what is measured next.
+    All sides take turns, so that costs compare across numbers as well; a peer that is not there
+    is left out.
     """
-    measured_rows, measured_breakdowns = [], []
-    for row in rows:
-        progress(f'{row.ours.label} against {row.peer.label}')
-        measured_rows.append(measure_row(row, interpreters, num_pairs, num_warm_up))
-    for breakdown in breakdowns:
-        progress(f'where the time goes: {breakdown.label}')
-        measured_breakdowns.append(
-            measure_breakdown(breakdown, interpreters, num_pairs, num_warm_up)
-        )
-    machine = {
+    present = [side for side in sides if not interpreters.missing(side[1].interpreter)]
+    meters_in_turn = [meter for _, meter in present]
+    rounds = pairing.measure_in_turn(meters_in_turn, interpreters, num_rounds, num_warm_up)
+    growth = []
+    for (num_envs, meter), costs in zip(present, zip(*rounds, strict=True), strict=True):
+        cost = pairing.Quartiles.of(costs)
+        quartiles = [cost.lower, cost.upper]
+        growth.append({'label': meter.label, 'num_envs': num_envs, 'cost': cost.median,
+                       'quartiles': quartiles})  # fmt: skip
+    return growth
+
+
+def describe_machine() -> dict[str, Any]:
+    """Returns what the results depend on."""
+    return {
         'system': platform.system(),
         'architecture': platform.machine(),
         'processors': num_processors(),
         'python': platform.python_version(),
+        'packages': {name: metadata.version(name) for name in _PACKAGES},
     }
-    return {'machine': machine, 'rows': measured_rows, 'breakdowns': measured_breakdowns}

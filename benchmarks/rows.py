@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from benchmarks.meters import OWN, MemoryPerEnvironment, Meter, WholeProcess, Worker
@@ -176,6 +177,19 @@ def memory_rows() -> list[Row]:
     ]
 
 
+def growth_sides(sizes: Sequence[int] = NUM_ENVS) -> list[tuple[int, Meter]]:
+    """Returns pairs of a number of environments and what steps as many."""
+    return [
+        (num_envs, side)
+        for num_envs in sizes
+        for side in (
+            _batch('fetch_composer', OWN, 'composer_batch', num_envs),
+            _batch('bare mujoco.rollout', OWN, 'bare_batch', num_envs, method='rollout'),
+            _batch('EnvPool FetchPush-v4', ENVPOOL, 'envpool_batch', num_envs),
+        )
+    ]
+
+
 def all_rows() -> list[Row]:
     """Returns the whole table."""
     return [
@@ -192,7 +206,7 @@ def all_rows() -> list[Row]:
 
 def quick_rows() -> list[Row]:
     """Returns a few rows that need no peer."""
-    return [single_rows()[0], rollout_row(1), rollout_row(8), reset_rows()[0]]
+    return [single_rows()[0], rollout_row(8), reset_rows()[0]]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -63,6 +63,7 @@ class BatchEnvironment:
                 "A batch renders no pictures: use observation_mode='features', or single "
                 'environments.'
             )
+        self._task.scene.remove_looks()
         # The single environment compiles the model and has the specs.
         self._single = Environment(self._task, random_state=0)
         self._addresses = self._task.addresses
@@ -72,7 +73,7 @@ class BatchEnvironment:
         self.seed(seed)
         self._goals = np.zeros((num_envs, 3))
         self._steps_taken = np.zeros(num_envs, dtype=np.int64)
-        self._reset_next_step = np.ones(num_envs, dtype=bool)
+        self._reset_next_step: np.ndarray = np.ones(num_envs, dtype=bool)
 
     def _bind(self, model: mujoco.MjModel) -> None:
         """Keeps live arrays over what the batch reads and writes."""

@@ -3,11 +3,14 @@
 import collections
 
 import dm_env
+import mujoco
 import numpy as np
 from absl import logging
 from dm_control import composer
 from dm_control.composer.observation import updater
 from dm_control.rl import control
+
+_WARNINGS = tuple(mujoco.mjtWarning.__members__)
 
 
 class SeededRandomState(np.random.RandomState):
@@ -74,6 +77,7 @@ class Environment(composer.Environment):
 
     def _reset_attempt(self) -> dm_env.TimeStep:
         time_step = super()._reset_attempt()
+        self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._observers = self._plain_observers()
         return time_step
 
@@ -119,23 +123,29 @@ class Environment(composer.Environment):
 
         physics, task, random_state = self._physics_proxy, self._task, self._random_state
         self._hooks.before_step(physics, action, random_state)
-        diverged = False
-        try:
-            self._physics.step(self._n_sub_steps)
-        except control.PhysicsError as error:
-            if self._raise_exception_on_physics_error:
-                raise
-            logging.warning(error)
-            diverged = True
+        diverged = self._advance()
         self._hooks.after_step(physics, random_state)
         if diverged:
             reward, discount, last = 0.0, 0.0, True
         else:
             reward, discount = task.get_reward(physics), task.get_discount(physics)
-            last = task.should_terminate_episode(physics) or physics.time() >= self._time_limit
+            last = task.should_terminate_episode(physics) or self._data.time >= self._time_limit
         observation = collections.OrderedDict(
             (name, np.array(observe())) for name, observe in self._observers
         )
         self._reset_next_step = bool(last)
         step_type = dm_env.StepType.LAST if last else dm_env.StepType.MID
         return dm_env.TimeStep(step_type, reward, discount, observation)
+
+    def _advance(self) -> bool:
+        """Advances the physics by a control step; returns whether it has diverged."""
+        mujoco.mj_step(self._model, self._data, self._n_sub_steps)
+        warnings = self._data.warning.number
+        if not warnings.any():
+            return False
+        kinds = [name for name, count in zip(_WARNINGS, warnings, strict=False) if count]
+        message = f'Physics has diverged ({", ".join(kinds)}); reset the environment.'
+        if self._raise_exception_on_physics_error:
+            raise control.PhysicsError(message)
+        logging.warning(message)
+        return True

@@ -57,6 +57,13 @@ def test_the_table_has_a_line_for_every_row(quick):
                    for line in quick[0].splitlines())  # fmt: skip
 
 
+def test_growth_has_a_point_for_every_number_of_environments(quick_results):
+    sizes: dict[str, list[int]] = {}
+    for point in quick_results['growth']:
+        sizes.setdefault(point['label'], []).append(point['num_envs'])
+    assert sizes == {'fetch_composer': [1, 8], 'bare mujoco.rollout': [1, 8]}
+
+
 def test_the_plot_is_a_picture(quick):
     assert (quick[1] / 'num_envs.png').read_bytes().startswith(b'\x89PNG')
 

@@ -92,7 +92,7 @@ def test_an_object_of_any_size_rests_on_the_table(object_task_name):
         np.testing.assert_allclose(observation['achieved_goal'], start, atol=2e-4)
 
 
-def test_heavy_blocks_slide_no_further_on_rough_tables():
+def test_objects_glide_less_far_the_rougher_the_table():
     def pushed(friction):
         env = fetch_composer.load(
             'slide', seed=0, variations={'friction': friction}, max_episode_steps=None
@@ -104,7 +104,7 @@ def test_heavy_blocks_slide_no_further_on_rough_tables():
             observation = env.step(np.array([0, -1, 0, 0], np.float32)).observation
         return observation['achieved_goal'][1]
 
-    assert pushed(0.05) > pushed(0.1) + 0.02 > pushed(0.6) + 0.02
+    assert pushed(0.05) > pushed(0.2) + 0.03 > pushed(0.6) + 0.03
 
 
 def test_the_gripper_starts_where_it_is_drawn(task_name):

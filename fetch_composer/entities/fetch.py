@@ -8,7 +8,7 @@ from dm_control.composer import define
 from dm_control.composer.observation import observable
 from dm_control.entities.manipulators import base
 
-from fetch_composer.entities import hulls
+from fetch_composer.entities import fusing, hulls
 
 _DIRECTORY = os.path.dirname(__file__)
 _ARM_XML = os.path.join(_DIRECTORY, 'fetch_arm.xml')
@@ -23,6 +23,9 @@ ARM_JOINTS = (
     'wrist_flex_joint',
     'wrist_roll_joint',
 )
+
+# Without geoms: they weigh on a base that can move, and do nothing to one that cannot.
+_WEIGHTS = ('estop_link', 'laser_link')
 
 # Gymnasium-Robotics holds its mobile base and torso with damping alone (N s/m).
 _BASE_DAMPING = 1e11
@@ -52,7 +55,7 @@ def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trun
         body.add(
             'geom',
             name=name.replace('_link', '_hull'),
-            dclass='trunk' if trunk else 'collision',
+            dclass=mjcf_model.find('default', 'trunk' if trunk else 'collision'),
             type='mesh',
             mesh=mjcf_model.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel()),
         )
@@ -91,6 +94,10 @@ class FetchArm(base.RobotArm):
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
+        else:
+            fusing.fuse(self._mjcf_root.find('body', 'torso_fixed_link'))
+            for weight in _WEIGHTS:
+                self._mjcf_root.find('body', weight).remove()
         if gravity_compensation:
             _compensate_gravity(self._mjcf_root, 'shoulder_pan_link')
         self._joints = tuple(self._mjcf_root.find('joint', joint) for joint in ARM_JOINTS)
@@ -193,6 +200,9 @@ class FetchGripper(base.RobotHand):
                 )
                 for side, axis in (('r', (0, 1, 0)), ('l', (0, -1, 0)))
             )
+        else:
+            for side in 'rl':
+                fusing.fuse(self._mjcf_root.find('body', f'{side}_gripper_finger_link'))
         if actuated:
             self._actuators = tuple(
                 self._mjcf_root.actuator.add(

@@ -79,7 +79,7 @@ def film(path: pathlib.Path, fps: int) -> Iterator[Callable[[np.ndarray], None]]
     with recording.whole_file(path) as partial:
         writer = imageio.get_writer(
             partial,
-            format='FFMPEG',
+            format='FFMPEG',  # type: ignore[arg-type]
             fps=fps,
             codec='libx264',
             quality=_QUALITY,

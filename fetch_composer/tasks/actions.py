@@ -38,4 +38,4 @@ def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
             rows = np.flatnonzero(~np.isfinite(array).all(axis=-1)).tolist()
             raise ValueError(f'Actions must be finite; rows {rows} are not.')
         raise ValueError(f'An action must be finite, got {array.tolist()}.')
-    return np.clip(array, -1, 1)
+    return array.clip(-1, 1)

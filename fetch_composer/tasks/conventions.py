@@ -26,6 +26,8 @@ class Convention:
         damped_base: Whether base and torso slide on joints of immense damping, or are fixed.
         gravity_compensation: Whether the arm carries its own weight.
         exact_hulls: Whether links collide with hulls of the peer's shapes, or with primitives.
+        islands: Whether MuJoCo solves independent sets of constraints apart, which pays in larger
+            scenes and is its default. It changes positions by less than 1e-9 m.
         rigid_lock: Whether a locked gripper is rigid. If not, its fingers are free to slide
             within a control step and are put back at its end.
         settled_start: Whether an episode starts from the peer's settled state, or at rest with
@@ -42,6 +44,7 @@ class Convention:
     damped_base: bool
     gravity_compensation: bool
     exact_hulls: bool
+    islands: bool
     rigid_lock: bool
     settled_start: bool
     block_minus_gripper: bool
@@ -55,6 +58,7 @@ DOCUMENTED = Convention(
     damped_base=False,
     gravity_compensation=True,
     exact_hulls=False,
+    islands=False,
     rigid_lock=True,
     settled_start=False,
     block_minus_gripper=False,
@@ -68,6 +72,7 @@ GYMNASIUM = Convention(
     damped_base=True,
     gravity_compensation=False,
     exact_hulls=True,
+    islands=True,
     rigid_lock=False,
     settled_start=True,
     block_minus_gripper=True,

@@ -2,6 +2,7 @@
 
 import collections
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -92,7 +93,7 @@ class GoalTask(composer.Task):
         self._block_placer, self._goal_sampler = self._build_samplers()
         self._every_episode = self.check_start(block_position, goal)
         self._next_episode = starts.Start()
-        self._goal = np.zeros(3)
+        self._goal: np.ndarray = np.zeros(3)
         self._steps_taken = 0
 
     def _build_samplers(self) -> tuple[variation.Variation | None, variation.Variation]:
@@ -226,6 +227,7 @@ class GoalTask(composer.Task):
         model, data = physics.model.ptr, physics.data.ptr
         self._physics, self._model, self._data = physics, model, data
         self.addresses = addresses = Addresses.of(self.scene, physics)
+        self._loose_fingers = self.locked_gripper and len(addresses.finger_qpos) > 0
         self.variations.compile(physics)
         self._gripper_position = data.xpos[addresses.gripper_link]
         self._gripper_quaternion = data.xquat[addresses.gripper_link]
@@ -283,7 +285,7 @@ class GoalTask(composer.Task):
 
     def after_step(self, physics, random_state) -> None:
         del physics, random_state  # Unused.
-        if self.locked_gripper:
+        if self._loose_fingers:
             self._data.qpos[self.addresses.finger_qpos] = 0
         if self.observes_current_state:
             # `mj_step` leaves positions and velocities one substep behind the state.
@@ -310,12 +312,15 @@ class GoalTask(composer.Task):
 
     def get_reward(self, physics) -> float:
         del physics  # Unused.
-        achieved_goal = self._observer.achieved_goal()
-        return float(rewards.compute_reward(achieved_goal, self._goal, self.reward_type))
+        return rewards.reward_of_distance(self._distance(), self.reward_type)
 
     def is_success(self) -> bool:
         """Returns whether the goal is achieved now: whether it is less than 0.05 m away."""
-        return bool(rewards.is_success(self._observer.achieved_goal(), self._goal))
+        return self._distance() < rewards.DISTANCE_THRESHOLD
+
+    def _distance(self) -> float:
+        """Returns the distance in m to the desired goal."""
+        return math.dist(self._observer.achieved_goal().tolist(), self._goal.tolist())
 
     def should_terminate_episode(self, physics) -> bool:
         del physics  # Unused.

@@ -28,6 +28,8 @@ SIZE_WITHOUT_OBJECT = 10
 # Below this cosine of the middle angle the first and third Euler axes coincide.
 _SINGULAR_COSINE = 4 * np.finfo(np.float64).eps
 
+_AT_REST = (0.0, 0.0)
+
 
 def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
     """Returns the intrinsic XYZ Euler angles, in rad, of a row-major rotation matrix.
@@ -103,14 +105,14 @@ class GoalObserver:
         self._qvel = data.qvel
         self._finger_qpos = list(finger_qpos)
         self._finger_qvel = list(finger_qvel)
-        self._grip_jacobian = np.zeros((3, model.nv))
+        # All Jacobians in one array, so that one product gives all velocities.
+        num_rows = 3 if object_site is None else 9
+        self._jacobian = np.zeros((num_rows, model.nv))
+        self._grip_jacobian = self._jacobian[:3]
         if object_site is not None:
             self._object_position = data.site_xpos[object_site]
             self._object_xmat = data.site_xmat[object_site]
-            # Both Jacobians in one array, so that one product gives both velocities.
-            self._object_jacobian = np.zeros((6, model.nv))
-            self._object_jacobian_position = self._object_jacobian[:3]
-            self._object_jacobian_rotation = self._object_jacobian[3:]
+            self._object_jacobians = (self._jacobian[3:6], self._jacobian[6:])
 
     @property
     def size(self) -> int:
@@ -125,35 +127,30 @@ class GoalObserver:
 
     def observation(self) -> np.ndarray:
         """Returns (25,) or, without an object, (10,) float64; see the module's table."""
-        scaled_qvel = self._qvel * self._timestep
-        mujoco.mj_jacSite(self._model, self._data, self._grip_jacobian, None, self._grip_site)
-        grip_velocity = self._grip_jacobian @ scaled_qvel
-        out = np.zeros(self.size)
-        out[:3] = self._grip_position
+        # Plain floats: for so few numbers each operation on an array costs more than all of these.
+        model, data, sense = self._model, self._data, self._sense
+        mujoco.mj_jacSite(model, data, self._grip_jacobian, None, self._grip_site)
+        fingers, finger_velocities = self._observe_fingers()
+        gx, gy, gz = grip = self._grip_position.tolist()
         if self._object_site is None:
-            fingers = 3
-        else:
-            fingers = 9
-            self._observe_object(out, scaled_qvel, grip_velocity)
-        out[-5:-2] = grip_velocity
-        if self._finger_qpos:
-            out[fingers : fingers + 2] = self._qpos[self._finger_qpos]
-            out[-2:] = scaled_qvel[self._finger_qvel]
-        return out
+            grip_velocity = (self._jacobian @ self._qvel * self._timestep).tolist()
+            return np.array((*grip, *fingers, *grip_velocity, *finger_velocities))
+        mujoco.mj_jacSite(model, data, *self._object_jacobians, self._object_site)
+        velocities = (self._jacobian @ self._qvel * self._timestep).tolist()
+        vx, vy, vz, ux, uy, uz, *spin = velocities
+        x, y, z = place = self._object_position.tolist()
+        return np.array((
+            *grip, *place, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, *fingers,
+            *euler_xyz(self._object_xmat.tolist()), ux - vx, uy - vy, uz - vz, *spin,
+            vx, vy, vz, *finger_velocities,
+        ))  # fmt: skip
 
-    def _observe_object(self, out, scaled_qvel, grip_velocity) -> None:
-        mujoco.mj_jacSite(
-            self._model,
-            self._data,
-            self._object_jacobian_position,
-            self._object_jacobian_rotation,
-            self._object_site,
-        )
-        out[3:6] = self._object_position
-        out[6:9] = (self._object_position - self._grip_position) * self._sense
-        out[11:14] = euler_xyz(self._object_xmat.tolist())
-        out[14:20] = self._object_jacobian @ scaled_qvel
-        out[14:17] -= grip_velocity
+    def _observe_fingers(self):
+        """Returns displacements and velocities of the right and the left finger."""
+        if not self._finger_qpos:
+            return _AT_REST, _AT_REST
+        velocities = self._qvel[self._finger_qvel] * self._timestep
+        return self._qpos[self._finger_qpos].tolist(), velocities.tolist()
 
 
 class _SiteMotion:

@@ -26,6 +26,13 @@ def is_success(achieved_goal, desired_goal) -> np.ndarray:
     return goal_distance(achieved_goal, desired_goal) < DISTANCE_THRESHOLD
 
 
+def reward_of_distance(distance: float, reward_type: str) -> float:
+    """Returns the reward at a distance in m from the goal, of one environment."""
+    if reward_type == 'dense':
+        return -distance
+    return 0.0 if distance < DISTANCE_THRESHOLD else -1.0
+
+
 def compute_reward(achieved_goal, desired_goal, reward_type: str = 'sparse') -> np.ndarray:
     """Returns the reward of goals of shape (..., 3); float64, shape (...,).
 

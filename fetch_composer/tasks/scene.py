@@ -94,6 +94,8 @@ class Scene:
             locked_gripper: Whether the gripper stays closed.
         """
         self.arena = entities.Arena()
+        if not convention.islands:
+            self.arena.mjcf_model.option.flag.island = 'disable'
         self.arm = entities.FetchArm(
             damped_base=convention.damped_base,
             gravity_compensation=convention.gravity_compensation,
@@ -124,6 +126,13 @@ class Scene:
             self.block_joint = block.attach_to(self.arena)
 
         self.props: list[tuple[entities.Block, mjcf.Element, Sequence[float]]] = []
+
+    def remove_looks(self) -> None:
+        """Removes what can be seen and not touched, where nobody looks: it costs time as well."""
+        for robot in (self.arm, self.gripper):
+            for geom in robot.mjcf_model.find_all('geom', exclude_attachments=True):
+                if geom.dclass is not None and geom.dclass.dclass == 'visual':
+                    geom.remove()
 
     def add_prop(self, prop: entities.Block, position: Sequence[float]) -> None:
         """Adds a further free body, which every episode starts at a position.
