@@ -8,7 +8,9 @@ _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.0']
 EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'tqdm>=4.60']
-TEST = ['pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+ONNX = ['onnxruntime>=1.17']
+SB3 = ['stable-baselines3>=2.3']
+TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
     name='fetch_composer',
@@ -32,6 +34,8 @@ setuptools.setup(
     extras_require={
         'gymnasium': GYMNASIUM,
         'explore': EXPLORE,
-        'test': TEST + GYMNASIUM + EXPLORE,
+        'onnx': ONNX,
+        'sb3': SB3,
+        'test': TEST + GYMNASIUM + EXPLORE + ONNX,
     },
 )

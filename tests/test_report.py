@@ -48,7 +48,7 @@ def _options(**changes):
     options = run_lib.Options(
         task='push', policy=('random',), episodes=4, seed=3, convention='documented',
         reward_type='sparse', max_episode_steps=6, num_envs=4, films='worst', num_films=2,
-        camera='front', width=96, height=64, fps=25, output_dir='out folder',
+        camera='front', width=96, height=64, fps=25, trust_pickle=False, output_dir='out folder',
     )  # fmt: skip
     return dataclasses.replace(options, **changes)
 

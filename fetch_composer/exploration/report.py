@@ -97,6 +97,7 @@ def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
     }
     words = [f'--policy={policy}' for policy in policies]
     words += [f'--{name}={value}' for name, value in flags.items()]
+    words += ['--trust_pickle'] * options.trust_pickle
     return shlex.join(['python', 'explore.py', *words])
 
 
