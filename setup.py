@@ -8,8 +8,11 @@ _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.0']
 EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'tqdm>=4.60']
+# Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.
+ACME = ['dm-acme==0.2.4']
 ONNX = ['onnxruntime>=1.17']
-SB3 = ['stable-baselines3>=2.3']
+SB3 = ['stable-baselines3>=2.9.2,<2.10', 'matplotlib>=3.7', *GYMNASIUM]
+TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
 TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
@@ -34,8 +37,10 @@ setuptools.setup(
     extras_require={
         'gymnasium': GYMNASIUM,
         'explore': EXPLORE,
+        'acme': ACME,
         'onnx': ONNX,
         'sb3': SB3,
-        'test': TEST + GYMNASIUM + EXPLORE + ONNX,
+        'torchrl': TORCHRL,
+        'test': TEST + GYMNASIUM + EXPLORE + ONNX + ACME,
     },
 )
