@@ -37,6 +37,9 @@ check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+gallery: $(VENV)/.explore gl  ## Make the README's animations of the experts; a minute.
+	$(BIN)/python docs/make_gallery.py
+
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
 	rm -rf build dist
 	$(BIN)/python -m build --outdir dist . >/dev/null
