@@ -1,8 +1,8 @@
 """Runs a policy on a Fetch task without a display and writes down what happened.
 
-Per run films, a contact sheet, a plot of distance and return over time, the trajectories and a
-summary. A run that was stopped or killed is continued by the same command. Run
-`python explore.py --help` for the flags.
+Per run one page, report.html, and beside it films, a contact sheet, a plot of distance and return
+over time, the trajectories and a summary. A run that was stopped or killed is continued by the same
+command. Run `python explore.py --help` for the flags.
 """
 
 import dataclasses

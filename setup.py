@@ -7,7 +7,7 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.0']
-EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'tqdm>=4.60']
+EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'scipy>=1.10', 'tqdm>=4.60']
 # Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.
 ACME = ['dm-acme==0.2.4']
 ONNX = ['onnxruntime>=1.17']

@@ -148,6 +148,13 @@ def test_long_lists_are_cut_and_say_so(episodes, setting, monkeypatch):
     assert '1 more episodes are listed in summary.json' in page.text
 
 
+def test_many_episodes_are_folded_away(episodes, setting, monkeypatch):
+    monkeypatch.setattr(report, 'FIRST_ROWS', 1)
+    page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
+    assert [tag for tag, _ in page.elements].count('details') == 4 + 1
+    assert 'Show 3 more' in page.text
+
+
 def test_films_beyond_the_page_are_linked(tmp_path, episodes, setting, monkeypatch):
     monkeypatch.setattr(report, 'MOST_FILMS', 1)
     films = {2: _film(tmp_path), 0: _film(tmp_path)}

@@ -15,7 +15,7 @@ from fetch_composer.exploration import filming, recording, rollout, store
 from fetch_composer.exploration import run as run_lib
 
 _ROOT = pathlib.Path(__file__).parent.parent
-_FLAGS = ('--policy=random', '--episodes=400', '--max_episode_steps=8', '--num_envs=4')
+_FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_envs=4')
 
 
 def _options(folder, **changes):
