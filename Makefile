@@ -76,11 +76,11 @@ $(BIN)/python:
 	fi
 
 $(VENV)/.explore: $(BIN)/python setup.py
-	$(BIN)/pip install -q -e '.[explore]'
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[explore]'
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py
-	$(BIN)/pip install -q -e '.[test]'
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[test]'
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]

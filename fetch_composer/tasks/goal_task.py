@@ -252,10 +252,7 @@ class GoalTask(composer.Task):
         self._observer = observation.GoalObserver(
             model,
             data,
-            grip_site=addresses.grip_site,
-            finger_qpos=addresses.finger_qpos,
-            finger_qvel=addresses.finger_qvel,
-            object_site=addresses.object_site,
+            addresses,
             control_timestep=CONTROL_TIMESTEP,
             block_minus_gripper=self.convention.block_minus_gripper,
         )
