@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore test test-only check bench parity build clean
+.PHONY: help explore test test-only test-clients check bench parity build clean
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -24,10 +24,21 @@ test: check test-only  ## Check the code and run the tests.
 test-only: $(VENV)/.test gl
 	$(BIN)/python -m pytest -n auto
 
+# Each client has an environment of its own, but the two that need torch, which takes 6 GB, share one.
+CLIENT_TEST := -m pytest -m clients tests/clients
+test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch)  ## Install and run real clients.
+	.venv-clients-acme/bin/python $(CLIENT_TEST)/test_acme.py
+	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
+	.venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
+	.venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
+
 check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+gallery: $(VENV)/.explore gl  ## Make the README's animations of the experts; a minute.
+	$(BIN)/python docs/make_gallery.py
 
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
 	rm -rf build dist
@@ -47,7 +58,7 @@ parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajec
 	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python
 
 clean:  ## Remove everything that was made, the virtual environments included.
-	rm -rf $(VENV) $(PEER_VENVS) build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
+	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
 
 # dm_control requires labmaze, which has no wheel for Python 3.13 and which nothing here imports.
 LABMAZE := import setuptools\nsetuptools.setup(name="labmaze", version="1.0.6", py_modules=[])\n
@@ -65,11 +76,25 @@ $(BIN)/python:
 	fi
 
 $(VENV)/.explore: $(BIN)/python setup.py
-	$(BIN)/pip install -q -e '.[explore]'
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[explore]'
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py
-	$(BIN)/pip install -q -e '.[test]'
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[test]'
+	@touch $@
+
+.venv-clients-acme/.installed: EXTRA = [acme]
+.venv-clients-torch/.installed: EXTRA = [sb3,torchrl]
+.venv-clients-%/.installed: setup.py
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install -q pytest -e '.$(EXTRA)'
+	@touch $@
+
+# Acme 0.4.0 pins a dm-launchpad that is not on PyPI, hence --no-deps and a stand-in.
+.venv-clients-acme-wrappers/.installed: setup.py
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install -q --no-deps dm-acme==0.4.0
+	$(@D)/bin/pip install -q pytest -e . 'numpy<2' dm-tree gym==0.26.2 pillow
 	@touch $@
 
 $(VENV)/.build: $(BIN)/python

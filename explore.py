@@ -1,8 +1,8 @@
 """Runs a policy on a Fetch task without a display and writes down what happened.
 
-Per run films, a contact sheet, a plot of distance and return over time, the trajectories and a
-summary. A run that was stopped or killed is continued by the same command. Run
-`python explore.py --help` for the flags.
+Per run one page, report.html, and beside it films, a contact sheet, a plot of distance and return
+over time, the trajectories and a summary. A run that was stopped or killed is continued by the same
+command. Run `python explore.py --help` for the flags.
 """
 
 import dataclasses
@@ -21,7 +21,13 @@ if typing.TYPE_CHECKING:
 
 flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
 flags.DEFINE_multi_string(
-    'policy', ['expert'], 'Who acts: expert, random or zero; given several times, to compare them.'
+    'policy',
+    ['expert'],
+    'Who acts: expert, random, zero, PATH.onnx, PATH.zip of Stable-Baselines3, or module:function; '
+    'given several times, to compare them.',
+)
+flags.DEFINE_bool(
+    'trust_pickle', False, 'Read a Stable-Baselines3 zip, which can run code as it is read.'
 )
 flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
 flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')

@@ -7,8 +7,13 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.0']
-EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'tqdm>=4.60']
-TEST = ['pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'scipy>=1.10', 'tqdm>=4.60']
+# Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.
+ACME = ['dm-acme==0.2.4']
+ONNX = ['onnxruntime>=1.17']
+SB3 = ['stable-baselines3>=2.9.2,<2.10', 'matplotlib>=3.7', *GYMNASIUM]
+TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
+TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
     name='fetch_composer',
@@ -32,6 +37,10 @@ setuptools.setup(
     extras_require={
         'gymnasium': GYMNASIUM,
         'explore': EXPLORE,
-        'test': TEST + GYMNASIUM + EXPLORE,
+        'acme': ACME,
+        'onnx': ONNX,
+        'sb3': SB3,
+        'torchrl': TORCHRL,
+        'test': TEST + GYMNASIUM + EXPLORE + ONNX + ACME,
     },
 )

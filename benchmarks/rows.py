@@ -16,6 +16,8 @@ NUM_ENVS = (1, 8, 64, 256)
 _SINGLE_STEPS = 200  # Control steps in a round of a single environment ...
 _BATCH_STEPS = 1600  # ... and of a batch, over all of its environments.
 _RESETS = 100
+_PICTURES = 20
+_PICTURE_SIZES = (84, 480)  # Pixels, high and wide.
 
 _COMPOSER_START = "import fetch_composer; fetch_composer.load('push', seed=0).reset()"
 _ROBOTICS_START = (
@@ -155,6 +157,21 @@ def reset_rows() -> list[Row]:
     ]
 
 
+def pixels_rows() -> list[Row]:
+    """Returns the rows of control steps with a picture each, against MuJoCo's own renderer."""
+    return [
+        Row(
+            'pixels',
+            Worker(f'{size}x{size} observed', OWN, 'pixels', {**options, 'method': 'environment'}),
+            Worker('bare mj_step, mujoco.Renderer', OWN, 'pixels', {**options, 'method': 'bare'}),
+            'speed',
+            pairs=0.3,
+        )
+        for size in _PICTURE_SIZES
+        for options in ({'num_steps': _PICTURES, 'size': size},)
+    ]
+
+
 def start_up_row() -> Row:
     """Returns the row of the time from an interpreter's start to its end after one reset."""
     ours = WholeProcess('import, load, reset', OWN, _COMPOSER_START)
@@ -199,6 +216,7 @@ def all_rows() -> list[Row]:
         *(envpool_row(num_envs) for num_envs in NUM_ENVS),
         envpool_row(64, 'gymnasium'),
         *reset_rows(),
+        *pixels_rows(),
         start_up_row(),
         *memory_rows(),
     ]

@@ -90,10 +90,7 @@ class BatchEnvironment:
         self._observer = observation.BatchObserver(
             model,
             sims,
-            grip_site=addresses.grip_site,
-            finger_qpos=addresses.finger_qpos,
-            finger_qvel=addresses.finger_qvel,
-            object_site=addresses.object_site,
+            addresses,
             control_timestep=goal_task.CONTROL_TIMESTEP,
             block_minus_gripper=self._task.convention.block_minus_gripper,
         )

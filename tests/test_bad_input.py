@@ -92,3 +92,11 @@ def test_unknown_names_are_answered_with_the_valid_ones():
 def test_a_seed_that_is_none_is_refused(seed):
     with pytest.raises((ValueError, TypeError)):
         fetch_composer.load('push', seed=seed)
+
+
+def test_an_object_cannot_start_within_a_gripper_that_starts_low():
+    env = fetch_composer.load('push', seed=0, convention='gymnasium')
+    with pytest.raises(ValueError, match='where the gripper starts'):
+        env.task.set_next_episode(block_position=(1.36, 0.76))
+    # The documented gripper hovers above.
+    fetch_composer.load('push', seed=0, block_position=(1.34, 0.75)).reset()

@@ -56,7 +56,8 @@ def _options(**changes):
     options = run_lib.Options(
         task='push', policy=('zero',), episodes=1, seed=0, convention='documented',
         reward_type='sparse', max_episode_steps=3, num_envs=4, films='worst',
-        num_films=5, camera='front', width=96, height=64, fps=25, output_dir=None,
+        num_films=5, camera='front', width=96, height=64, fps=25,
+        trust_pickle=False, output_dir=None,
     )  # fmt: skip
     if 'policy' in changes:
         changes['policy'] = (changes['policy'],)

@@ -45,7 +45,8 @@ def test_pictures_show_the_state_they_come_with():
     env = fetch_composer.load('push', seed=0, observation_mode='pixels', pixels=_PIXELS)
     env.reset()
     time_step = env.step(np.ones(4, np.float32))
-    again = env.physics.render(24, 32, camera_id='front')
+    no_shadow = {'shadow': False}
+    again = env.physics.render(24, 32, camera_id='front', render_flag_overrides=no_shadow)
     assert np.abs(time_step.observation['front_rgb'].astype(int) - again.astype(int)).max() <= 2
 
 
@@ -79,7 +80,7 @@ def test_gymnasium_gets_spaces_for_pictures():
     [
         ({'observation_mode': 'video'}, r'valid are features, pixels, features\+pixels'),
         ({'observation_mode': 'pixels', 'pixels': {'cameras': 'back'}}, 'valid are front, corner'),
-        ({'pixels': {'size': 3}}, 'valid are cameras, height, width, depth, segmentation'),
+        ({'pixels': {'size': 3}}, 'valid are cameras, height, width, depth, segmentation, shadows'),
         ({'pixels': {'height': 0}}, 'height of pixels must be a positive integer'),
     ],
 )

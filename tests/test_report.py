@@ -48,7 +48,7 @@ def _options(**changes):
     options = run_lib.Options(
         task='push', policy=('random',), episodes=4, seed=3, convention='documented',
         reward_type='sparse', max_episode_steps=6, num_envs=4, films='worst', num_films=2,
-        camera='front', width=96, height=64, fps=25, output_dir='out folder',
+        camera='front', width=96, height=64, fps=25, trust_pickle=False, output_dir='out folder',
     )  # fmt: skip
     return dataclasses.replace(options, **changes)
 
@@ -146,6 +146,13 @@ def test_long_lists_are_cut_and_say_so(episodes, setting, monkeypatch):
     page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
     assert [tag for tag, _ in page.elements].count('details') == 3
     assert '1 more episodes are listed in summary.json' in page.text
+
+
+def test_many_episodes_are_folded_away(episodes, setting, monkeypatch):
+    monkeypatch.setattr(report, 'FIRST_ROWS', 1)
+    page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
+    assert [tag for tag, _ in page.elements].count('details') == 4 + 1
+    assert 'Show 3 more' in page.text
 
 
 def test_films_beyond_the_page_are_linked(tmp_path, episodes, setting, monkeypatch):

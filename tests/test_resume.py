@@ -15,14 +15,14 @@ from fetch_composer.exploration import filming, recording, rollout, store
 from fetch_composer.exploration import run as run_lib
 
 _ROOT = pathlib.Path(__file__).parent.parent
-_FLAGS = ('--policy=random', '--episodes=400', '--max_episode_steps=8', '--num_envs=4')
+_FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_envs=4')
 
 
 def _options(folder, **changes):
     options = run_lib.Options(
         task='push', policy=('random',), episodes=7, seed=3, convention='documented',
         reward_type='sparse', max_episode_steps=4, num_envs=2, films='worst', num_films=2,
-        camera='front', width=96, height=64, fps=25, output_dir=str(folder),
+        camera='front', width=96, height=64, fps=25, trust_pickle=False, output_dir=str(folder),
     )  # fmt: skip
     return dataclasses.replace(options, **changes)
 

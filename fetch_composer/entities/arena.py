@@ -94,7 +94,7 @@ class Arena(composer.Arena):
         )
         material = asset.add(
             'material', name='tiles', texture=tiles, texrepeat=(2, 2), texuniform=True,
-            reflectance=0.08, specular=0.1,
+            specular=0.1,
         )  # fmt: skip
         self._floor = self.mjcf_model.worldbody.add(
             'geom',

@@ -4,8 +4,11 @@ What is needed to run one travels well: `EpisodeOptions` and seeds in, `Episode`
 can be pickled. Needs none of the packages that draw pictures.
 """
 
+import contextlib
 import dataclasses
+import pathlib
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -25,10 +28,11 @@ class EpisodeOptions:
 
     Attributes:
         task: Name of the task.
-        policy: Name of the policy.
+        policy: Name of the policy, its file, or its code; see `policies.load`.
         convention: 'documented' or 'gymnasium'.
         reward_type: 'sparse' or 'dense'.
         max_episode_steps: Control steps of an episode.
+        trust_pickle: Whether code within a policy's file may run.
     """
 
     task: str
@@ -36,6 +40,7 @@ class EpisodeOptions:
     convention: str = 'documented'
     reward_type: str = 'sparse'
     max_episode_steps: int = 50
+    trust_pickle: bool = False
 
     @property
     def task_kwargs(self) -> dict[str, str | int]:
@@ -45,6 +50,10 @@ class EpisodeOptions:
             'reward_type': self.reward_type,
             'max_episode_steps': self.max_episode_steps,
         }
+
+
+class PolicyError(RuntimeError):
+    """A policy failed, or gave an action that is none."""
 
 
 def run_episodes(
@@ -63,6 +72,7 @@ def run_episodes(
 
     Raises:
         ValueError: if an option is not valid; the message says what would be.
+        PolicyError: if the policy fails.
         PhysicsError: if the physics of an episode diverges.
     """
     if not seeds:
@@ -100,7 +110,10 @@ class BatchRollout:
             self._batch.single_action_spec(),
             self._batch.single_observation_spec(),
         )
-        policies.load(options.policy, self._row)
+        self._policy = policies.factory(options.policy, self._row, options.trust_pickle)
+        first = next(_rows(self._batch.reset().observation))
+        with _failures_named(f'policy {options.policy}, before the first step'):
+            policies.check(self._policy(0), first, self._row)
 
     def run(
         self, seeds: Sequence[int], observe: Callable[[int], None] | None = None
@@ -116,6 +129,7 @@ class BatchRollout:
                 took it; what it raises ends the run.
 
         Raises:
+            PolicyError: if the policy fails.
             PhysicsError: if the physics of an episode diverges.
         """
         observe = observe or (lambda episodes: None)
@@ -124,17 +138,19 @@ class BatchRollout:
 
     def _run(self, seeds: list[int], observe: Callable[[int], None]) -> list[rollout.Episode]:
         count = len(seeds)
-        acting = [policies.load(self._options.policy, self._row, seed=seed) for seed in seeds]
+        acting = [self._policy(seed) for seed in seeds]
         for policy in acting:
             policy.reset()
         idle = self._batch.num_envs - count
         self._batch.seed([*seeds, *seeds[-1:] * idle])
         time_step = self._batch.reset()
         observations, actions, received, seconds = [time_step.observation], [], [], 0.0
-        for _ in range(self._options.max_episode_steps):
+        for step in range(self._options.max_episode_steps):
             rows = _rows(time_step.observation)
-            chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
-            action = np.stack([*chosen, *chosen[-1:] * idle])
+            with _failures_named(f'policy {self._options.policy}, step {step}'):
+                chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
+                action = np.stack([*chosen, *chosen[-1:] * idle])
+                _check_finite(action, seeds)
             started = time.perf_counter()
             time_step = self._batch.step(action)
             seconds += time.perf_counter() - started
@@ -180,6 +196,28 @@ class _Row:
 
     def observation_spec(self) -> Mapping[str, specs.Array]:
         return self._observation_spec
+
+
+@contextlib.contextmanager
+def _failures_named(where: str) -> Iterator[None]:
+    """Makes a `PolicyError` of any exception, which says where in the policy it comes from."""
+    try:
+        yield
+    except policies.ActionError as error:
+        raise PolicyError(f'{where}: {error}') from error
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        raise PolicyError(
+            f'{where}: {type(error).__name__}: {error} '
+            f'({pathlib.Path(place.filename).name}, line {place.lineno})'
+        ) from error
+
+
+def _check_finite(action: np.ndarray, seeds: Sequence[int]) -> None:
+    finite = np.isfinite(action).reshape(len(action), -1).all(axis=1)
+    if not finite.all():
+        which = [seed for seed, each in zip(seeds, finite, strict=False) if not each]
+        raise policies.ActionError(f'The action is not finite for seed {which[0]}.')
 
 
 def _rows(observation: Mapping[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:

@@ -82,10 +82,17 @@ def distance_over_time(
         if len(episodes) > 1:
             low, high = np.percentile(distance_cm, _BAND, axis=0)
             axes.fill_between(
-                seconds, low, high, color=style.INK, alpha=0.15, linewidth=0, label='10 to 90 %'
+                seconds,
+                low,
+                high,
+                color=style.INK,
+                alpha=0.18,
+                linewidth=0,
+                label='10 to 90 %',
+                zorder=3,
             )
             axes.plot(seconds, np.median(distance_cm, axis=0), color=style.INK, lw=2.2,
-                      label='median')  # fmt: skip
+                      label='median', zorder=4)  # fmt: skip
             axes.legend(
                 loc='upper right',
                 fontsize=10,

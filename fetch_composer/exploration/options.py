@@ -17,7 +17,7 @@ class Options:
 
     Attributes:
         task: Name of the task.
-        policy: The policies to run; several are compared on the same seeds.
+        policy: The policies to run (see `policies.load`); several are compared on the same seeds.
         episodes: Number of episodes of each.
         seed: Seed of the first episode; each has the next one.
         convention: 'documented' or 'gymnasium'.
@@ -30,6 +30,7 @@ class Options:
         width: Width of the film in pixels.
         height: Height of the film in pixels.
         fps: Frames per second of the film, which has a frame for every control step.
+        trust_pickle: Whether code within a policy's file may run.
         output_dir: Folder to write into; None for `output/<task>_<policy>`.
         ray: 'local' or the address of a Ray cluster to run the episodes on; None for neither.
         dataset: Name of a Minari dataset to write the episodes to; None for none.
@@ -49,6 +50,7 @@ class Options:
     width: int
     height: int
     fps: int
+    trust_pickle: bool
     output_dir: str | None
     ray: str | None = None
     dataset: str | None = None
@@ -99,6 +101,7 @@ class Options:
             convention=self.convention,
             reward_type=self.reward_type,
             max_episode_steps=self.max_episode_steps,
+            trust_pickle=self.trust_pickle,
         )
 
 

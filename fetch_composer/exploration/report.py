@@ -18,6 +18,7 @@ from fetch_composer.exploration.options import Options
 from fetch_composer.tasks import scene
 
 MOST_FILMS = 24  # Within the page; more of them stay beside it.
+FIRST_ROWS = 50  # Of the episodes, before one asks for more.
 MOST_ROWS = 1000
 _TEMPLATE = 'report.html.j2'
 _THUMBNAIL_QUALITY = 82
@@ -78,6 +79,7 @@ def render(
         films_left=sum(len(each.films) for each in candidates) - len(shown) * len(candidates),
         plots=_plots(candidates, setting),
         rows=_rows(options, candidates, shown)[:MOST_ROWS],
+        first_rows=FIRST_ROWS,
         rows_left=max(0, max(len(each.episodes) for each in candidates) - MOST_ROWS),
         versions=versions,
         stopped=stopped,
@@ -97,6 +99,7 @@ def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
     }
     words = [f'--policy={policy}' for policy in policies]
     words += [f'--{name}={value}' for name, value in flags.items()]
+    words += ['--trust_pickle'] * options.trust_pickle
     return shlex.join(['python', 'explore.py', *words])
 
 

@@ -73,7 +73,7 @@ class Run:
             options.task, **options.of_episodes(options.policy[0]).task_kwargs
         )
         for policy in options.policy:
-            policies.load(policy, self._env)
+            policies.load(policy, self._env, trust_pickle=options.trust_pickle)
         self._control_timestep = self._env.control_timestep()
         self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
         recording.prepare_folder(options.folder)
@@ -123,7 +123,7 @@ class Run:
             The files, those to open first at the front; none if no episode was finished.
 
         Raises:
-            ValueError: if a policy gives an action that is not valid.
+            PolicyError: if a policy fails.
             ReplayError: if a film does not show what happened.
         """
         started = time.perf_counter()
@@ -358,10 +358,10 @@ class Run:
 
     def _identity(self) -> dict[str, Any]:
         options = dataclasses.asdict(self.options.of_episodes(''))
-        del options['policy']
+        del options['policy'], options['trust_pickle']
         return {
             **options,
-            'policies': list(self.options.policy),
+            'policies': [[each, policies.digest(each)] for each in self.options.policy],
             'versions': recording.versions(),
             'code': store.code_digest(),
         }

@@ -66,22 +66,30 @@ def top_view(
 
 
 def _mark(axes, things, goals: np.ndarray, episodes: Sequence[rollout.Episode]) -> None:
-    """Marks starts, ends and goals."""
+    """Marks starts, ends and goals; with many episodes the starts are left out."""
     few = len(episodes) <= _GRIPPERS_OF
-    size = 8 if few else 3.5
-    for path, goal, episode in zip(things, goals, episodes, strict=True):
-        colour = style.SUCCESS if episode.is_success else style.FAILURE
-        if few:
+    reached = np.array([each.is_success for each in episodes])
+    starts, ends = (np.stack([path[i] for path in things]) for i in (0, -1))
+    if few:
+        for goal in goals:
             axes.add_patch(
                 patches.Circle(
                     goal, rewards.DISTANCE_THRESHOLD, fill=False, edgecolor=_GOAL, linestyle='--'
                 )
             )
-            axes.plot(*path[0], 's', mfc=style.PAPER, mec=colour, ms=size, zorder=4)
-        axes.plot(*path[-1], 's', color=colour, ms=size, zorder=5, rasterized=not few,
-                  markeredgewidth=0)  # fmt: skip
-    axes.plot(*goals.T, '+', color=_GOAL, ms=9 if few else 4, mew=1.6 if few else 0.8,
-              zorder=6 if few else 2, rasterized=not few, alpha=1 if few else 0.6)  # fmt: skip
+        axes.plot(*goals.T, '+', color=_GOAL, ms=9, mew=1.6, zorder=6)
+        size, alpha = 8.0, 1.0
+    else:
+        size = float(np.clip(60 / np.sqrt(len(episodes)), 1.6, 4))
+        alpha = float(np.clip(12 / np.sqrt(len(episodes)), 0.35, 1))
+        axes.plot(*goals.T, '+', color=_GOAL, ms=4, mew=0.7, alpha=0.7 * alpha, rasterized=True)
+    for chosen, colour, opacity in ((reached, style.SUCCESS, alpha), (~reached, style.FAILURE, 1)):
+        if few:
+            axes.plot(*starts[chosen].T, 's', mfc=style.PAPER, mec=colour, ms=size, zorder=4)
+        axes.plot(
+            *ends[chosen].T, 's', color=colour, ms=size, mew=0, alpha=opacity, zorder=5,
+            rasterized=not few,
+        )  # fmt: skip
 
 
 def _legend(episodes, has_object: bool, few: bool) -> list[line_marks.Line2D]:

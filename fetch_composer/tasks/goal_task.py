@@ -29,6 +29,9 @@ CONTROL_TIMESTEP = 0.04  # s, 25 Hz.
 PHYSICS_TIMESTEP = 0.002  # s
 MAX_EPISODE_STEPS = 50
 
+_FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
+_GRIPPER_CLEARANCE = 0.1  # m, from a gripper as low as the object.
+
 
 class GoalTask(composer.Task):
     """Move the gripper by small displacements so that a goal is achieved, and keep it so.
@@ -170,9 +173,21 @@ class GoalTask(composer.Task):
             if self.scene.block is None:
                 raise ValueError(f'block_position was given, but {self.name!r} has no object.')
             block_position = self.workspace.check_block_position(block_position)
+            self._check_clearance(block_position, self.scene.block)
         if goal is not None:
             goal = self.workspace.check_goal(goal)
         return starts.Start(block_position, goal)
+
+    def _check_clearance(self, block_position: np.ndarray, block: entities.Block) -> None:
+        """Raises `ValueError` if an object there would be where a low gripper starts."""
+        fingertips = self.grip_start[2] - _FINGERTIP_DEPTH
+        distance = np.linalg.norm(block_position - self.grip_start[:2])
+        top = self.workspace.table_top + 2 * block.half_height
+        if fingertips < top and distance < _GRIPPER_CLEARANCE:
+            raise ValueError(
+                f'block_position {block_position.tolist()} is where the gripper starts: it must be '
+                f'at least {_GRIPPER_CLEARANCE} m from {self.grip_start[:2].round(4).tolist()}.'
+            )
 
     def sample_start(
         self,
@@ -237,10 +252,7 @@ class GoalTask(composer.Task):
         self._observer = observation.GoalObserver(
             model,
             data,
-            grip_site=addresses.grip_site,
-            finger_qpos=addresses.finger_qpos,
-            finger_qvel=addresses.finger_qvel,
-            object_site=addresses.object_site,
+            addresses,
             control_timestep=CONTROL_TIMESTEP,
             block_minus_gripper=self.convention.block_minus_gripper,
         )

@@ -16,11 +16,13 @@ control timestep, so that they are in m or rad per control step.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import mujoco.batch
 import numpy as np
+
+from fetch_composer.tasks.addresses import Addresses
 
 SIZE_WITH_OBJECT = 25
 SIZE_WITHOUT_OBJECT = 10
@@ -74,10 +76,7 @@ class GoalObserver:
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        grip_site: int,
-        finger_qpos: Iterable[int],
-        finger_qvel: Iterable[int],
-        object_site: int | None,
+        addresses: Addresses,
         control_timestep: float,
         block_minus_gripper: bool,
     ) -> None:
@@ -86,14 +85,12 @@ class GoalObserver:
         Args:
             model: The compiled model.
             data: The simulation to observe.
-            grip_site: Id of the gripper's observed site.
-            finger_qpos: Addresses of the right and the left finger's joint in qpos, or none if
-                the fingers are rigid: their displacements and velocities are then 0.
-            finger_qvel: The same in qvel.
-            object_site: Id of the object's observed site, or None without an object.
+            addresses: Where things are in the model. Fingers that are rigid have no joints;
+                their displacements and velocities are observed as 0.
             control_timestep: Seconds by which velocities are multiplied.
             block_minus_gripper: Sense of the difference of positions.
         """
+        grip_site, object_site = addresses.grip_site, addresses.object_site
         self._model = model
         self._data = data
         self._grip_site = grip_site
@@ -103,8 +100,8 @@ class GoalObserver:
         self._grip_position = data.site_xpos[grip_site]
         self._qpos = data.qpos
         self._qvel = data.qvel
-        self._finger_qpos = list(finger_qpos)
-        self._finger_qvel = list(finger_qvel)
+        self._finger_qpos = addresses.finger_qpos.tolist()
+        self._finger_qvel = addresses.finger_qvel.tolist()
         # All Jacobians in one array, so that one product gives all velocities.
         num_rows = 3 if object_site is None else 9
         self._jacobian = np.zeros((num_rows, model.nv))
@@ -185,19 +182,18 @@ class BatchObserver:
         self,
         model: mujoco.MjModel,
         sims: mujoco.batch.Batch,
-        grip_site: int,
-        finger_qpos: Iterable[int],
-        finger_qvel: Iterable[int],
-        object_site: int | None,
+        addresses: Addresses,
         control_timestep: float,
         block_minus_gripper: bool,
     ) -> None:
         """Initializes the observer; the arguments are those of `GoalObserver`."""
+        grip_site, object_site = addresses.grip_site, addresses.object_site
         self._num_sims = sims.nsim
         self._timestep = control_timestep
         self._sense = 1.0 if block_minus_gripper else -1.0
         self._qpos, self._qvel = sims.bind('qpos'), sims.bind('qvel')
-        self._finger_qpos, self._finger_qvel = list(finger_qpos), list(finger_qvel)
+        self._finger_qpos = addresses.finger_qpos.tolist()
+        self._finger_qvel = addresses.finger_qvel.tolist()
         self._grip_position = sims.bind('site_xpos')[:, grip_site]
         self._grip_motion = _SiteMotion(model, sims, grip_site)
         self._has_object = object_site is not None

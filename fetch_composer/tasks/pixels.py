@@ -19,6 +19,7 @@ class PixelOptions:
         width: Width in pixels.
         depth: Whether to observe distances, in m, beside colours.
         segmentation: Whether to observe which geom each pixel shows.
+        shadows: Whether things cast shadows; without a GPU they take most of the time.
     """
 
     cameras: tuple[str, ...] = ('corner',)
@@ -26,6 +27,7 @@ class PixelOptions:
     width: int = 84
     depth: bool = False
     segmentation: bool = False
+    shadows: bool = False
 
 
 def check_observation_mode(mode: str) -> None:
@@ -76,14 +78,17 @@ def observables(
     for name in chosen.cameras:
         if name not in elements:
             raise ValueError(f'Unknown camera {name!r}; valid are {", ".join(elements)}.')
-        kinds: dict[str, dict] = {'rgb': {}}
+        kinds: dict[str, dict] = {'rgb': {'render_flag_overrides': {'shadow': chosen.shadows}}}
         if chosen.depth:
             kinds['depth'] = {'depth': True}
         if chosen.segmentation:
             kinds['segmentation'] = {'segmentation': True}
         for kind, arguments in kinds.items():
             made[f'{name}_{kind}'] = observable.MJCFCamera(
-                elements[name], height=chosen.height, width=chosen.width, **arguments
+                elements[name],
+                height=chosen.height,
+                width=chosen.width,
+                **arguments,
             )
     for each in made.values():
         each.enabled = True

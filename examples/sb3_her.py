@@ -1,0 +1,77 @@
+"""Trains SAC with hindsight relabelling (Stable-Baselines3) on a native batch of environments.
+
+pip install -e '.[sb3]'
+python examples/sb3_her.py
+python examples/sb3_her.py --env fetch_composer/FetchPush-v2 --steps 600000
+"""
+
+import argparse
+import pathlib
+import time
+
+import gymnasium as gym
+import numpy as np
+import torch
+from matplotlib import pyplot as plt
+from stable_baselines3 import SAC, HerReplayBuffer
+from stable_baselines3.common import env_checker
+
+from fetch_composer.sb3_env import SB3VecEnv
+
+parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+parser.add_argument('--env', default='fetch_composer/FetchReach-v2', help='Gymnasium id')
+parser.add_argument('--steps', type=int, default=15_000, help='environment steps to train for')
+parser.add_argument('--num_envs', type=int, default=16, help='environments in the batch')
+parser.add_argument('--gradient_steps', type=int, default=8, help='per step of the batch')
+parser.add_argument('--evaluations', type=int, default=10, help='points of the learning curve')
+parser.add_argument('--seed', type=int, default=0)
+parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
+
+
+def success_rate(model: SAC, env: SB3VecEnv) -> float:
+    """Returns how often the policy's mean action succeeds in one episode of each environment."""
+    env.seed(1_000_000)
+    observation, done = env.reset(), np.array([False])
+    while not done.any():
+        action, _ = model.predict(observation, deterministic=True)
+        observation, _, done, infos = env.step(action)
+    return float(np.mean([info['is_success'] for info in infos]))
+
+
+def main(args: argparse.Namespace) -> None:
+    torch.set_num_threads(1)  # The networks are small: more threads wait for one another.
+    env_checker.check_env(gym.make(args.env).unwrapped)
+    env = SB3VecEnv(gym.make_vec(args.env, num_envs=args.num_envs))
+    model = SAC(
+        'MultiInputPolicy',
+        env,
+        learning_starts=100 * args.num_envs,  # Two episodes of random actions each.
+        gamma=0.95,
+        learning_rate=1e-3,
+        tau=0.05,
+        ent_coef='auto_0.1',
+        policy_kwargs={'net_arch': [256, 256, 256]},
+        gradient_steps=args.gradient_steps,
+        replay_buffer_class=HerReplayBuffer,
+        seed=args.seed,
+    )
+    test_env = SB3VecEnv(gym.make_vec(args.env, num_envs=100))
+    start, curve = time.time(), []
+    for _ in range(args.evaluations):
+        model.learn(args.steps // args.evaluations, reset_num_timesteps=False)
+        minutes = (time.time() - start) / 60
+        curve.append((model.num_timesteps, minutes, success_rate(model, test_env)))
+        print('{} steps, {:.1f} min: success {:.2f}'.format(*curve[-1]), flush=True)
+    args.output_dir.mkdir(parents=True, exist_ok=True)
+    name = args.output_dir / args.env.split('/')[-1]
+    model.save(f'{name}.zip')
+    header = 'steps,minutes,success'
+    np.savetxt(f'{name}.csv', curve, '%.7g', ',', header=header, comments='')
+    steps, _, success = np.transpose(curve)
+    plt.plot(steps, success, marker='.')
+    plt.gca().set(xlabel='environment steps', ylabel='success', ylim=(0, 1.02), title=args.env)
+    plt.savefig(f'{name}.png', dpi=120)
+
+
+if __name__ == '__main__':
+    main(parser.parse_args())

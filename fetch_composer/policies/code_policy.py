@@ -1,0 +1,92 @@
+"""Policies from the user's own code, named as `module:function`.
+
+A function takes an observation and returns an action. A class, or a function with a parameter
+`env` or `seed`, makes a policy: it is called for each episode, with those that it has.
+"""
+
+import importlib
+import inspect
+import os
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+_PARAMETERS = ('env', 'seed')
+
+
+class CodePolicy:
+    """Calls the user's code for each action."""
+
+    def __init__(self, act: Callable) -> None:
+        """Initializes the policy.
+
+        Args:
+            act: Takes an observation and returns an action. It may have a method `reset`, to be
+                called at the start of each episode.
+        """
+        self._act = act
+
+    def reset(self) -> None:
+        """Resets the user's policy, if it has such a method."""
+        reset = getattr(self._act, 'reset', None)
+        if reset is not None:
+            reset()
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns what the code returns, which should be (4,) numbers, as an array."""
+        return np.asarray(self._act(observation))
+
+
+def factory(name: str, env: Any) -> Callable[[int | None], CodePolicy]:
+    """Returns what makes a policy for each seed.
+
+    Args:
+        name: `module:function`; the module may lie in the working directory.
+        env: Passed to code that has a parameter of that name.
+
+    Raises:
+        ValueError: if there is no such module or function; the message says which.
+    """
+    module_name, _, path = name.partition(':')
+    if os.getcwd() not in sys.path and '' not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        found: Any = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f'{module_name}.'.startswith(f'{error.name}.'):
+            raise  # Something that the module itself imports.
+        raise ValueError(
+            f'There is no module {module_name!r} in the working directory, and none is installed.'
+        ) from None
+    for part in path.split('.'):
+        if not hasattr(found, part):
+            public = [each for each in vars(found) if not each.startswith('_')]
+            raise ValueError(
+                f'{name!r}: there is no {part!r} in {module_name!r}; it has {", ".join(public)}.'
+            )
+        found = getattr(found, part)
+    if not callable(found):
+        raise ValueError(f'{name!r} cannot be called: it is a {type(found).__name__}.')
+    taken = [each for each in _PARAMETERS if each in _parameters(found)]
+    if not inspect.isclass(found) and not taken:
+        return lambda seed: CodePolicy(found)
+
+    def make(seed: int | None) -> CodePolicy:
+        given = {'env': env, 'seed': seed}
+        return CodePolicy(found(**{each: given[each] for each in taken}))
+
+    return make
+
+
+def source(name: str) -> str | None:
+    """Returns the file of a module that has been imported; None if it has none."""
+    return getattr(sys.modules.get(name.partition(':')[0]), '__file__', None)
+
+
+def _parameters(function: Callable) -> tuple[str, ...]:
+    try:
+        return tuple(inspect.signature(function).parameters)
+    except (TypeError, ValueError):  # Some that are built in have no signature.
+        return ()

@@ -1,0 +1,77 @@
+"""The native batch as a vectorized environment of Stable-Baselines3.
+
+env = SB3VecEnv(gym.make_vec('fetch_composer/FetchPush-v2', num_envs=16))
+"""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise ImportError("It needs Stable-Baselines3: pip install 'fetch_composer[sb3]'.") from error
+
+
+class SB3VecEnv(VecEnv):
+    """Steps all environments in one native call.
+
+    All episodes have the same length and so end together; then the observation returned is the
+    first of the next episode, and the last one is in `infos[i]['terminal_observation']`.
+    """
+
+    def __init__(self, env: gymnasium.vector.VectorEnv) -> None:
+        """Wraps what `gym.make_vec` returns for an id of this package."""
+        self.env = env
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def reset(self) -> dict[str, np.ndarray]:
+        """Starts an episode everywhere, with what `seed` and `set_options` were given."""
+        seeds = None if None in self._seeds else self._seeds
+        names = {name for each in self._options for name in each}
+        options = {name: np.stack([each[name] for each in self._options]) for name in names}
+        observation, info = self.env.reset(seed=seeds, options=options)
+        self.reset_infos = [{'is_success': each} for each in info['is_success']]
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keeps the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self):
+        """Advances every environment by one control step."""
+        observation, reward, _, done, info = self.env.step(self._actions)
+        infos: list[dict[str, Any]] = [{'is_success': each} for each in info['is_success']]
+        for i, each in enumerate(infos):
+            each['TimeLimit.truncated'] = bool(done[i])
+            if done[i]:
+                each['terminal_observation'] = {key: row[i] for key, row in observation.items()}
+        if done.any():
+            observation = self.reset()
+        return observation, reward.astype(np.float32), done, infos
+
+    def close(self) -> None:
+        """Frees the simulations."""
+        self.env.close()
+
+    def get_attr(self, attr_name, indices=None) -> list[Any]:
+        """Returns an attribute, which all environments have in common."""
+        return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name, value, indices=None) -> None:
+        """Sets an attribute of all environments."""
+        if indices is not None:
+            raise ValueError('Attributes are common to all environments; indices must be None.')
+        setattr(self.env, attr_name, value)
+
+    def env_method(self, method_name, *args, indices=None, **kwargs) -> list[Any]:
+        """Returns what a method, such as `compute_reward`, returns for each index."""
+        method = getattr(self.env, method_name)
+        return [method(*args, **kwargs) for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class, indices=None) -> list[bool]:
+        """Returns False for each index: there are no environments to wrap one by one."""
+        return [False for _ in self._get_indices(indices)]

@@ -1,0 +1,27 @@
+"""Fixtures: the examples are run as a reader would run them."""
+
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+_ROOT = pathlib.Path(__file__).parents[2]
+
+
+@pytest.fixture
+def run_example(tmp_path):
+    """Returns a function that runs an example and returns what it printed."""
+
+    def run(name: str, *arguments: str) -> str:
+        result = subprocess.run(
+            [sys.executable, _ROOT / 'examples' / name, *arguments],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        assert result.returncode == 0, result.stdout
+        return result.stdout
+
+    return run

@@ -1,0 +1,109 @@
+"""Stable-Baselines3: its checker, its vectorized environments, and an agent that learns."""
+
+import csv
+
+import numpy as np
+import pytest
+
+pytest.importorskip(
+    'stable_baselines3', reason="Stable-Baselines3 is not installed: pip install -e '.[sb3]'"
+)
+
+import gymnasium as gym  # noqa: E402
+from stable_baselines3 import HerReplayBuffer  # noqa: E402
+from stable_baselines3.common import env_checker, vec_env  # noqa: E402
+
+import fetch_composer  # noqa: E402
+from fetch_composer.sb3_env import SB3VecEnv  # noqa: E402
+from tests import episodes  # noqa: E402
+
+pytestmark = [
+    pytest.mark.clients,
+    pytest.mark.filterwarnings('ignore:.*out of date.*:DeprecationWarning'),
+]
+_PUSH = 'fetch_composer/FetchPush-v2'
+
+
+def _vec_env(num_envs: int) -> SB3VecEnv:
+    return SB3VecEnv(gym.make_vec(_PUSH, num_envs=num_envs))
+
+
+@pytest.mark.parametrize('version', ['v2', 'v4'])
+@pytest.mark.filterwarnings('error::UserWarning')
+def test_the_checker_is_content(task_name, version):
+    name = task_name.title().replace('_', '')
+    env_checker.check_env(gym.make(f'fetch_composer/Fetch{name}-{version}').unwrapped)
+
+
+def test_the_native_batch_is_what_their_own_vector_of_environments_is():
+    native = _vec_env(3)
+    other = vec_env.DummyVecEnv([lambda: gym.make(_PUSH)] * 3)
+    assert native.observation_space == other.observation_space
+    assert native.action_space == other.action_space
+    for env in native, other:
+        env.seed(4)
+    one, another = native.reset(), other.reset()
+    for action in episodes.uniform_actions(110, batch_shape=(3,)):
+        for name, value in one.items():
+            np.testing.assert_allclose(value, another[name], rtol=0, atol=1e-9)
+        one, reward, done, infos = native.step(action)
+        another, other_reward, other_done, other_infos = other.step(action)
+        np.testing.assert_array_equal(reward, other_reward)
+        np.testing.assert_array_equal(done, other_done)
+        for info, other_info in zip(infos, other_infos, strict=True):
+            assert info['is_success'] == other_info['is_success']
+            assert info['TimeLimit.truncated'] == other_info['TimeLimit.truncated']
+            assert ('terminal_observation' in info) == ('terminal_observation' in other_info)
+            for name, value in info.get('terminal_observation', {}).items():
+                expected = other_info['terminal_observation'][name]
+                np.testing.assert_allclose(value, expected, rtol=0, atol=1e-9)
+
+
+def test_options_reach_the_next_episode_only():
+    env = _vec_env(2)
+    env.set_options({'goal': (1.3, 0.8, 0.425)})
+    np.testing.assert_array_equal(env.reset()['desired_goal'], [(1.3, 0.8, 0.425)] * 2)
+    assert np.abs(env.reset()['desired_goal'] - (1.3, 0.8, 0.425)).max() > 1e-3
+
+
+def test_attributes_are_common_to_all():
+    env = _vec_env(2)
+    assert env.get_attr('num_envs') == [2, 2]
+    assert env.get_attr('num_envs', indices=[1]) == [2]
+    with pytest.raises(ValueError, match='common'):
+        env.set_attr('x', 1, indices=[0])
+
+
+def test_relabelled_transitions_have_the_reward_of_their_new_goal():
+    env = _vec_env(4)
+    buffer = HerReplayBuffer(
+        1000, env.observation_space, env.action_space, env, n_envs=4, device='cpu'
+    )
+    observation = env.reset()
+    for action in episodes.uniform_actions(50, batch_shape=(4,)):
+        following, reward, done, infos = env.step(action)
+        last = {k: v.copy() for k, v in following.items()}
+        for i in np.flatnonzero(done):
+            for name, value in infos[i]['terminal_observation'].items():
+                last[name][i] = value
+        buffer.add(observation, last, action, reward, done, infos)
+        observation = following
+    batch = buffer.sample(500)
+    expected = fetch_composer.compute_reward(
+        batch.next_observations['achieved_goal'].numpy(),
+        batch.observations['desired_goal'].numpy(),
+        'sparse',
+    )
+    np.testing.assert_array_equal(batch.rewards.numpy()[:, 0], expected)
+    assert not batch.dones.any(), 'the tasks are continuing: episodes are truncated'
+    assert (expected == 0).any() and (expected == -1).any()
+
+
+def test_the_example_learns_to_reach(run_example, tmp_path):
+    """Takes some two minutes."""
+    run_example('sb3_her.py', '--output_dir', str(tmp_path))
+    with open(tmp_path / 'FetchReach-v2.csv', newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]['success']) >= 0.95, rows
+    assert (tmp_path / 'FetchReach-v2.png').stat().st_size > 10_000
+    assert (tmp_path / 'FetchReach-v2.zip').exists()
