@@ -22,12 +22,15 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
+from fetch_composer import policies
 from fetch_composer.exploration import batch_rollout, recording, rollout, store
 
 LOCAL = 'local'
 
 _AUTO = 'auto'
 _ADDRESS = re.compile(r'(ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})')
+_Origins = dict[str, str | None]
+
 _MAX_RETRIES = 3
 _TASKS_PER_PROCESSOR = 4  # So that one that is late, or lost, holds up little.
 _POLL_SECONDS = 0.2
@@ -147,9 +150,9 @@ class RayRollout:
         processors = int(ray.cluster_resources().get('CPU', 1)) or 1
         fair = math.ceil(len(seeds) / (processors * _TASKS_PER_PROCESSOR))
         size = max(1, min(self._num_envs, fair))
-        code = _code()
+        needed = _origins(self._options.policy)
         pending = [
-            self._task.remote(self._options, list(seeds[start : start + size]), size, code)
+            self._task.remote(self._options, list(seeds[start : start + size]), size, needed)
             for start in range(0, len(seeds), size)
         ]
         try:
@@ -192,16 +195,14 @@ def _one_line(error: Exception) -> str:
 
 
 def _run(
-    options: batch_rollout.EpisodeOptions,
-    seeds: list[int],
-    num_envs: int,
-    code: dict[str, str | None],
+    options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
 ) -> list[rollout.Episode]:
-    differing = sorted(name for name in code if _code().get(name) != code[name])
+    here = _origins(options.policy)
+    differing = sorted(name for name in needed if here.get(name) != needed[name])
     if differing:
         raise RayError(
             f'A node of the Ray cluster differs in {", ".join(differing)} from this one: install '
-            'the same releases on both, or episodes would not be the same.'
+            'the same on both, or episodes would not be the same.'
         )
     return [episode for chunk in _batch(options, num_envs).run(seeds) for episode in chunk]
 
@@ -213,7 +214,7 @@ def _batch(options: batch_rollout.EpisodeOptions, num_envs: int) -> batch_rollou
 
 
 @functools.lru_cache(maxsize=1)
-def _code() -> dict[str, str | None]:
-    """Returns digest and versions of what decides on episodes."""
+def _origins(policy: str) -> _Origins:
+    """Returns versions and digests of what decides on episodes, in this process."""
     versions = {name: each for name, each in recording.versions().items() if name != 'python'}
-    return {**versions, 'code': store.code_digest()}
+    return {**versions, 'code': store.code_digest(), 'policy': policies.digest(policy)}
