@@ -22,7 +22,7 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
-from fetch_composer import policies
+from fetch_composer import batch, policies
 from fetch_composer.exploration import batch_rollout, recording, rollout, store
 
 LOCAL = 'local'
@@ -93,6 +93,7 @@ def cluster(address: str) -> Iterator[Callable[..., 'RayRollout']]:
                 )
             )
             options.update(
+                num_cpus=batch.num_processors(),
                 include_dashboard=False,
                 object_store_memory=_LOCAL_STORE_BYTES,
                 _node_ip_address=_LOOPBACK,
