@@ -90,7 +90,7 @@ def _explore() -> int:
     options = run_lib.Options(**_flag_values(run_lib.Options))
     try:
         run = run_lib.Run(options, backend, fresh=flags.FLAGS.fresh)
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:
         return _fail(str(error))
     except OSError as error:
         return _fail(f'Cannot write into --output_dir {options.folder}: {error.strerror}.')
