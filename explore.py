@@ -94,7 +94,7 @@ def _explore() -> int:
     options = run_lib.Options(**_flag_values(run_lib.Options))
     try:
         run = run_lib.Run(options, backend, fresh=flags.FLAGS.fresh)
-    except (ImportError, ValueError) as error:
+    except (ImportError, ValueError, RuntimeError) as error:
         return _fail(str(error))
     except OSError as error:
         return _fail(f'Cannot write into --output_dir {options.folder}: {error.strerror}.')

@@ -278,6 +278,7 @@ def test_a_mistake_is_named_before_anything_is_written(tmp_path, changes, messag
         ('--task=pusch', "error: Unknown task 'pusch'; valid are "),
         ('--output_dir={file}/out', 'error: Cannot write into --output_dir {file}/out: '),
         ('pusch', "error: unexpected argument 'pusch'"),
+        ('--policy=math:cos', 'error: policy math:cos, before the first step: TypeError: '),
     ],
 )
 def test_a_mistake_is_one_line_without_a_traceback(tmp_path, flag, message):

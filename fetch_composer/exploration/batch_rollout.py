@@ -10,6 +10,7 @@ import pathlib
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from dm_env import specs
@@ -96,6 +97,7 @@ class BatchRollout:
 
         Raises:
             ValueError: if an option is not valid; the message says what would be.
+            PolicyError: if the policy fails at once.
         """
         if options.max_episode_steps is None:
             raise ValueError('max_episode_steps must be a positive integer: episodes must end.')
@@ -112,8 +114,7 @@ class BatchRollout:
         )
         self._policy = policies.factory(options.policy, self._row, options.trust_pickle)
         first = next(_rows(self._batch.reset().observation))
-        with _failures_named(f'policy {options.policy}, before the first step'):
-            policies.check(self._policy(0), first, self._row)
+        try_policy(options.policy, self._policy, first, self._row)
 
     def run(
         self, seeds: Sequence[int], observe: Callable[[int], None] | None = None
@@ -196,6 +197,27 @@ class _Row:
 
     def observation_spec(self) -> Mapping[str, specs.Array]:
         return self._observation_spec
+
+
+def try_policy(
+    name: str,
+    make: Callable[[int | None], policies.Policy],
+    observation: Mapping[str, np.ndarray],
+    env: Any,
+) -> None:
+    """Lets a policy of its own act once, so that a mistake is named before the first step.
+
+    Args:
+        name: Its name.
+        make: What makes it, as `policies.factory` returns it.
+        observation: An observation of the environment.
+        env: The environment, or what a policy may ask of one.
+
+    Raises:
+        PolicyError: if it fails, or its action does not fit.
+    """
+    with _failures_named(f'policy {name}, before the first step'):
+        policies.check(make(0), observation, env)
 
 
 @contextlib.contextmanager

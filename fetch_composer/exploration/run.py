@@ -64,6 +64,7 @@ class Run:
         Raises:
             ValueError: if an option is not valid, or the folder holds an unfinished run of
                 other options; the message says what to do.
+            PolicyError: if a policy fails at once.
             OSError: if nothing can be written into the folder.
         """
         options.check()
@@ -73,7 +74,8 @@ class Run:
             options.task, **options.of_episodes(options.policy[0]).task_kwargs
         )
         for policy in options.policy:
-            policies.load(policy, self._env, trust_pickle=options.trust_pickle)
+            make = policies.factory(policy, self._env, options.trust_pickle)
+            batch_rollout.try_policy(policy, make, self._env.reset().observation, self._env)
         self._control_timestep = self._env.control_timestep()
         self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
         recording.prepare_folder(options.folder)

@@ -1,5 +1,6 @@
 """Fixtures: the examples are run as a reader would run them."""
 
+import os
 import pathlib
 import subprocess
 import sys
@@ -17,6 +18,8 @@ def run_example(tmp_path):
         result = subprocess.run(
             [sys.executable, _ROOT / 'examples' / name, *arguments],
             cwd=tmp_path,
+            # Mesa's LLVM and that of torch's compiler do not mix: see docs/clients.md.
+            env={**os.environ, 'MUJOCO_GL': 'disabled'},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
