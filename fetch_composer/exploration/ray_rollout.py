@@ -163,8 +163,8 @@ class RayRollout:
                 pending = waiting + pending[_MOST_WAITED_FOR:]
                 for each in done:
                     episodes = _result(each)
-                    observe(sum(episode.steps for episode in episodes))
                     yield episodes
+                    observe(sum(episode.steps for episode in episodes))
         finally:
             for each in pending:
                 ray.cancel(each)
@@ -198,6 +198,7 @@ def _one_line(error: Exception) -> str:
 def _run(
     options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
 ) -> list[rollout.Episode]:
+    batch_of_worker = _batch(options, num_envs)  # Loads the policy.
     here = _origins(options.policy)
     differing = sorted(name for name in needed if here.get(name) != needed[name])
     if differing:
@@ -205,7 +206,7 @@ def _run(
             f'A node of the Ray cluster differs in {", ".join(differing)} from this one: install '
             'the same on both, or episodes would not be the same.'
         )
-    return [episode for chunk in _batch(options, num_envs).run(seeds) for episode in chunk]
+    return [episode for chunk in batch_of_worker.run(seeds) for episode in chunk]
 
 
 @functools.lru_cache(maxsize=1)
