@@ -26,11 +26,13 @@ test-only: $(VENV)/.test gl
 
 # Each client has an environment of its own, but the two that need torch, which takes 6 GB, share one.
 CLIENT_TEST := -m pytest -m clients tests/clients
-test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch)  ## Install and run real clients.
+test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch ray minari)  ## Install and run real clients.
 	.venv-clients-acme/bin/python $(CLIENT_TEST)/test_acme.py
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
+	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
+	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
 
 check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff check .
@@ -85,6 +87,8 @@ $(VENV)/.test: $(BIN)/python setup.py
 
 .venv-clients-acme/.installed: EXTRA = [acme]
 .venv-clients-torch/.installed: EXTRA = [sb3,torchrl]
+.venv-clients-ray/.installed: EXTRA = [ray]
+.venv-clients-minari/.installed: EXTRA = [minari]
 .venv-clients-%/.installed: setup.py
 	$(PYTHON) -m venv $(@D)
 	$(@D)/bin/pip install -q pytest -e '.$(EXTRA)'

@@ -46,6 +46,10 @@ flags.DEFINE_integer(
 flags.DEFINE_integer('height', 360, 'Height of the film in pixels.')
 flags.DEFINE_integer('fps', 25, 'Frames per second of the film; 25 is real time.')
 flags.DEFINE_string('output_dir', None, 'Folder to write into; by default output/<task>_<policy>.')
+flags.DEFINE_string(
+    'ray', None, 'Ray cluster to run the episodes on: its address, or local for this machine.'
+)
+flags.DEFINE_string('dataset', None, 'Minari dataset to write the episodes to: [namespace/]name-v0')
 flags.DEFINE_bool('fresh', False, 'Discard an unfinished run in the folder, do not continue it.')
 
 _GL_VARIABLE = 'MUJOCO_GL'
@@ -90,7 +94,7 @@ def _explore() -> int:
     options = run_lib.Options(**_flag_values(run_lib.Options))
     try:
         run = run_lib.Run(options, backend, fresh=flags.FLAGS.fresh)
-    except (ValueError, RuntimeError) as error:
+    except (ImportError, ValueError, RuntimeError) as error:
         return _fail(str(error))
     except OSError as error:
         return _fail(f'Cannot write into --output_dir {options.folder}: {error.strerror}.')

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import importlib.util
 import json
 import os
 import pathlib
@@ -17,6 +18,7 @@ from benchmarks.workers import protocol
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 OWN = 'own'
+RAY = 'ray'  # Ours as well, where that is installed.
 
 # Nothing is rendered, and nobody is to pay for looking for a display.
 _ENVIRONMENT = {**os.environ, 'MUJOCO_GL': 'disabled'}
@@ -35,7 +37,9 @@ class Interpreters:
         Args:
             peers: {name: path of its Python, or None where there is none}.
         """
-        self._paths = {**(peers or {}), OWN: sys.executable}
+        has_ray = importlib.util.find_spec('ray') is not None
+        own = {OWN: sys.executable, RAY: sys.executable if has_ray else None}
+        self._paths = {**(peers or {}), **own}
 
     def missing(self, name: str) -> bool:
         """Returns whether that package's Python is not there."""

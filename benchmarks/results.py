@@ -15,7 +15,7 @@ _PACKAGES = ('dm-control', 'mujoco', 'numpy')
 def measure_row(
     row: Row, interpreters: meters.Interpreters, num_pairs: int, num_warm_up: int
 ) -> dict[str, Any]:
-    """Returns what a row came to; a peer that is not there, or fails, is said to be skipped."""
+    """Returns what a row came to; one whose peer is not there, or fails, is said to be skipped."""
     result = {
         'group': row.group,
         'ours': row.ours.label,
@@ -25,14 +25,16 @@ def measure_row(
         'unit': row.unit,
         'goal': row.goal,
     }
-    if interpreters.missing(row.peer.interpreter):
-        return {**result, 'skipped': f'{row.peer.interpreter} is not installed'}
+    needed = (row.ours.interpreter, row.peer.interpreter)
+    for each in needed:
+        if interpreters.missing(each):
+            return {**result, 'skipped': f'{each} is not installed'}
     count = max(_MIN_PAIRS, round(row.pairs * num_pairs))
     discarded = num_warm_up if row.warms_up else 0
     try:
         pairs = pairing.measure_in_turn((row.ours, row.peer), interpreters, count, discarded)
     except meters.WorkerError as error:
-        if row.peer.interpreter == meters.OWN:
+        if set(needed) == {meters.OWN}:
             raise
         return {**result, 'skipped': str(error)}
     ratio = pairing.Quartiles.of([row.ratio(ours, peer) for ours, peer in pairs])

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from benchmarks.meters import OWN, MemoryPerEnvironment, Meter, WholeProcess, Worker
+from benchmarks.meters import OWN, RAY, MemoryPerEnvironment, Meter, WholeProcess, Worker
 
 GYMNASIUM_ROBOTICS = 'gymnasium_robotics'
 ENVPOOL = 'envpool'
@@ -16,6 +16,7 @@ NUM_ENVS = (1, 8, 64, 256)
 _SINGLE_STEPS = 200  # Control steps in a round of a single environment ...
 _BATCH_STEPS = 1600  # ... and of a batch, over all of its environments.
 _RESETS = 100
+_EPISODES = 128
 _PICTURES = 20
 _PICTURE_SIZES = (84, 480)  # Pixels, high and wide.
 
@@ -37,7 +38,7 @@ class Row:
         quantity: 'speed', of which more is better, or 'time' or 'memory', of which less is. The
             ratio is ours over the peer's.
         unit: Of what each side measures: 's' or 'B', for each control step of one environment,
-            each reset, each start or each environment.
+            each reset, each start, each episode or each environment.
         goal: At least this ratio of speeds, or at most this ratio of times; None without one.
         num_envs: How many environments there are.
         pairs: How many pairs are measured, as a multiple of what is asked for.
@@ -179,6 +180,20 @@ def start_up_row() -> Row:
     return Row('start-up', ours, peer, 'time', pairs=0.3)
 
 
+def ray_row() -> Row:
+    """Returns the row of an episode over Ray against one without it; both use every processor."""
+    ours, peer = (
+        Worker(
+            label,
+            interpreter,
+            'episodes',
+            {'num_episodes': _EPISODES, 'num_envs': 64, 'over_ray': interpreter == RAY},
+        )
+        for label, interpreter in (('episode over Ray, local', RAY), ('the same without Ray', OWN))
+    )
+    return Row('ray', ours, peer, 'time', num_envs=64, pairs=0.3)
+
+
 def memory_rows() -> list[Row]:
     """Returns the rows of memory for each added environment."""
     # A batch of ours adds so little that it takes many to be seen.
@@ -218,6 +233,7 @@ def all_rows() -> list[Row]:
         *reset_rows(),
         *pixels_rows(),
         start_up_row(),
+        ray_row(),
         *memory_rows(),
     ]
 

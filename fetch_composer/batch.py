@@ -16,6 +16,13 @@ from fetch_composer.tasks import actions as actions_lib
 from fetch_composer.tasks import goal_task, observation, rewards, starts
 
 
+def num_processors() -> int:
+    """Returns how many processors this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 class BatchEnvironment:
     """`num_envs` environments whose time steps are arrays of shape (num_envs, ...).
 
@@ -48,9 +55,8 @@ class BatchEnvironment:
             ValueError: if a name, an option or a number is not valid; the message says what is.
         """
         self._num_envs = _check_count('num_envs', num_envs)
-        processors = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else None
         if num_threads is None:
-            num_threads = min(processors or os.cpu_count() or 1, num_envs)
+            num_threads = min(num_processors(), num_envs)
         self._num_threads = _check_count('num_threads', num_threads)
         if num_threads > num_envs:
             raise ValueError(

@@ -314,13 +314,20 @@ def _camel_case(task_name: str) -> str:
     return ''.join(word.capitalize() for word in task_name.split('_'))
 
 
+def env_id(task: str, convention: str = 'documented', reward_type: str = 'sparse') -> str:
+    """Returns the id under which Gymnasium knows a task."""
+    suffix = {reward: each for each, reward in _REWARD_SUFFIXES.items()}[reward_type]
+    version = {each: version for version, each in _VERSIONS.items()}[convention]
+    return f'{NAMESPACE}/Fetch{_camel_case(task)}{suffix}-{version}'
+
+
 def register() -> None:
     """Registers every task under both conventions and both rewards."""
     for task in tasks.ALL:
-        for suffix, reward_type in _REWARD_SUFFIXES.items():
-            for version, convention in _VERSIONS.items():
+        for reward_type in _REWARD_SUFFIXES.values():
+            for convention in _VERSIONS.values():
                 gymnasium.register(
-                    id=f'{NAMESPACE}/Fetch{_camel_case(task)}{suffix}-{version}',
+                    id=env_id(task, convention, reward_type),
                     entry_point='fetch_composer.gymnasium_env:FetchEnv',
                     vector_entry_point='fetch_composer.gymnasium_env:FetchVectorEnv',
                     max_episode_steps=tasks.MAX_EPISODE_STEPS,

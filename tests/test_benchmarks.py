@@ -76,6 +76,13 @@ def test_a_peer_that_is_not_installed_is_skipped_visibly(path):
     assert 'SKIPPED' in report.table({'rows': [result]})
 
 
+def test_ray_is_skipped_visibly_where_it_is_missing(monkeypatch):
+    monkeypatch.setattr(meters.importlib.util, 'find_spec', lambda name: None)
+    result = results.measure_row(rows.ray_row(), meters.Interpreters(), 1, 0)
+    assert result['skipped'] == 'ray is not installed'
+    assert 'SKIPPED' in report.table({'rows': [result]})
+
+
 def test_a_peer_that_fails_is_skipped_and_says_why():
     row = rows.Row(
         'single',

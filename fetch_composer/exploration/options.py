@@ -32,6 +32,8 @@ class Options:
         fps: Frames per second of the film, which has a frame for every control step.
         trust_pickle: Whether code within a policy's file may run.
         output_dir: Folder to write into; None for `output/<task>_<policy>`.
+        ray: 'local' or the address of a Ray cluster to run the episodes on; None for neither.
+        dataset: Name of a Minari dataset to write the episodes to; None for none.
     """
 
     task: str
@@ -50,9 +52,14 @@ class Options:
     fps: int
     trust_pickle: bool
     output_dir: str | None
+    ray: str | None = None
+    dataset: str | None = None
 
     def check(self) -> None:
-        """Raises `ValueError`, which says what is valid, if an option is out of range."""
+        """Raises `ValueError`, which says what is valid, if an option is out of range.
+
+        Raises `ImportError`, which says what to install, if one needs what is not there.
+        """
         for name in ('episodes', 'num_envs', 'num_films'):
             if getattr(self, name) < 1:
                 raise ValueError(f'{name} must be a positive integer, got {getattr(self, name)}.')
@@ -64,6 +71,16 @@ class Options:
             raise ValueError('policy names the same one twice; two that differ can be compared.')
         filming.check_choice(self.films)
         rendering.check_film_format(self.width, self.height, self.fps)
+        if self.ray is not None:
+            from fetch_composer.exploration import ray_rollout
+
+            ray_rollout.check_address(self.ray)
+        if self.dataset is not None:
+            from fetch_composer.exploration import minari_dataset
+
+            if len(self.policy) > 1:
+                raise ValueError('dataset is of one policy; give a single --policy.')
+            minari_dataset.check_name(self.dataset)
 
     @property
     def seeds(self) -> range:

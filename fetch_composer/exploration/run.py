@@ -144,6 +144,7 @@ class Run:
                 return []
             written = self._write(time.perf_counter() - started)
             if self._is_complete:
+                written.extend(self._write_dataset())
                 self._store.discard()
             return written
 
@@ -170,17 +171,35 @@ class Run:
                 observe()
                 bar.update(episodes)
 
-            for each in self.candidates:
-                bar.set_description(each.policy)
-                self._run_candidate(each, advance)
+            with self._rollouts(bar) as rollouts:
+                for each in self.candidates:
+                    bar.set_description(each.policy)
+                    self._run_candidate(each, rollouts, advance)
 
-    def _run_candidate(self, candidate: Candidate, observe: Callable[[int], None]) -> None:
+    @contextlib.contextmanager
+    def _rollouts(self, bar: tqdm.tqdm) -> Iterator[Callable[..., Any]]:
+        """Gives what makes rollouts: here, or on a Ray cluster while that is needed."""
+        if self.options.ray is None or bar.n == bar.total:
+            yield batch_rollout.BatchRollout
+            return
+        from fetch_composer.exploration import ray_rollout
+
+        bar.set_description(f'Ray, {self.options.ray}')
+        with ray_rollout.cluster(self.options.ray) as rollouts:
+            yield rollouts
+
+    def _run_candidate(
+        self,
+        candidate: Candidate,
+        rollouts: Callable[..., Any],
+        observe: Callable[[int], None],
+    ) -> None:
         options = self.options
         done = {episode.seed for episode in candidate.episodes}
         seeds = [seed for seed in options.seeds if seed not in done]
         if not seeds:
             return
-        with batch_rollout.BatchRollout(
+        with rollouts(
             options.of_episodes(candidate.policy), min(options.num_envs, len(seeds))
         ) as batch:
             for episodes in batch.run(seeds, observe):
@@ -317,6 +336,19 @@ class Run:
             ),
             Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
         ]
+
+    def _write_dataset(self) -> list[Written]:
+        if self.options.dataset is None:
+            return []
+        from fetch_composer.exploration import minari_dataset
+
+        (candidate,) = self.candidates
+        folder = minari_dataset.save(
+            self.options.dataset,
+            self.options.of_episodes(candidate.policy),
+            candidate.episodes,
+        )
+        return [Written([str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})')]
 
     def _title(self, candidate: Candidate) -> str:
         """Says in one line what was run and how it went."""

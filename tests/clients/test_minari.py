@@ -1,0 +1,127 @@
+"""Minari: a run's episodes are read back, and replayed in the environment that they came from."""
+
+import dataclasses
+import signal
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+from fetch_composer.exploration import batch_rollout
+from tests.test_resume import _options as _run_options
+from tests.test_resume import _run, _run_stopped
+
+minari = pytest.importorskip('minari', reason="Minari is not installed: pip install -e '.[minari]'")
+
+from fetch_composer.exploration import minari_dataset  # noqa: E402
+
+pytestmark = pytest.mark.clients
+
+_NAMES = {'push': 'Push', 'reach': 'Reach', 'slide': 'Slide', 'pick_and_place': 'PickAndPlace'}
+
+
+@pytest.fixture(autouse=True)
+def datasets(tmp_path, monkeypatch):
+    """Returns the folder of Minari's datasets."""
+    folder = tmp_path / 'datasets'
+    monkeypatch.setenv('MINARI_DATASETS_PATH', str(folder))
+    return folder
+
+
+def _options(folder, **changes):
+    return dataclasses.replace(_run_options(folder), dataset='fetch/push-random-v0', **changes)
+
+
+@pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
+def test_a_dataset_is_replayed_by_the_environment_it_recovers(task_name, convention, reward_type):
+    options = batch_rollout.EpisodeOptions(task_name, 'random', convention, reward_type, 12)
+    seeds = [11, 5, 7]
+    minari_dataset.save('replay-v3', options, batch_rollout.run_episodes(options, seeds))
+    dataset = minari.load_dataset('replay-v3')
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # -v2 beside -v4.
+        environment = dataset.recover_environment()
+    dense = 'Dense' if reward_type == 'dense' else ''
+    version = {'documented': 'v2', 'gymnasium': 'v4'}[convention]
+    assert environment.spec.id == f'fetch_composer/Fetch{_NAMES[task_name]}{dense}-{version}'
+    assert environment.spec.max_episode_steps == 12
+    assert dataset.action_space == environment.action_space
+    assert dataset.observation_space == environment.observation_space
+
+    stored = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
+    assert [each['seed'] for each in stored] == seeds
+    for episode, metadata in zip(dataset.iterate_episodes(), stored, strict=True):
+        assert episode.actions.dtype == np.float32 and len(episode.actions) == 12
+        observation, info = environment.reset(seed=metadata['seed'])
+        for step in range(13):
+            for name, value in observation.items():
+                np.testing.assert_allclose(
+                    episode.observations[name][step], value, rtol=0, atol=1e-9, err_msg=name
+                )
+            assert episode.infos['is_success'][step] == info['is_success']
+            if step < 12:
+                observation, reward, terminated, truncated, info = environment.step(
+                    episode.actions[step]
+                )
+                assert episode.rewards[step] == pytest.approx(reward, abs=1e-9)
+                assert episode.terminations[step] == terminated
+                assert episode.truncations[step] == truncated
+    environment.close()
+
+
+def test_a_run_writes_its_dataset_once_it_is_finished(tmp_path, datasets):
+    options = _options(tmp_path)
+    stopped = _run_stopped(options, after=4)
+    assert stopped.stopped_by == signal.SIGTERM
+    assert list(minari.list_local_datasets()) == []
+    assert _run(options).continued == 4
+    dataset = minari.load_dataset(options.dataset)
+    assert dataset.total_episodes == 7 and dataset.total_steps == 7 * 4
+    assert dataset.storage.metadata['algorithm_name'] == 'random'
+    assert list(minari.list_local_datasets()) == [options.dataset]
+    assert [path.name for path in datasets.iterdir()] == ['fetch']
+    # Another one in the same namespace.
+    _run(dataclasses.replace(options, dataset='fetch/other-v0'))
+    assert len(minari.list_local_datasets()) == 2
+
+
+def test_a_dataset_that_cannot_be_written_whole_is_not_there(datasets, monkeypatch):
+    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    episodes = batch_rollout.run_episodes(options, [0, 1])
+
+    def fail(index, episode):
+        raise OSError('disk full')
+
+    monkeypatch.setattr(minari_dataset, '_buffer', fail)
+    with pytest.raises(OSError, match='disk full'):
+        minari_dataset.save('reach-v0', options, episodes)
+    assert list(datasets.iterdir()) == []
+
+
+def test_a_dataset_that_is_there_is_refused_before_anything_is_run(tmp_path):
+    options = _options(tmp_path / 'first')
+    _run(options)
+    options = dataclasses.replace(options, output_dir=str(tmp_path / 'second'))
+    with pytest.raises(ValueError, match='There is a dataset fetch/push-random-v0 already'):
+        _run(options)
+    assert not options.folder.exists()
+
+
+@pytest.mark.parametrize('name', ['', 'push', 'push-v', 'push v0', '/push-v0', '../push-v0'])
+def test_a_name_that_is_none_is_refused(name):
+    with pytest.raises(ValueError, match=r'must have the form \[namespace/\]name-v0'):
+        minari_dataset.check_name(name)
+
+
+def test_a_dataset_is_of_one_policy(tmp_path):
+    with pytest.raises(ValueError, match='dataset is of one policy'):
+        _run(_options(tmp_path, policy=('random', 'zero')))
+
+
+def test_reading_a_dataset_back_needs_no_import_of_ours():
+    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    minari_dataset.save('reach-v0', options, batch_rollout.run_episodes(options, [0]))
+    code = 'import minari; minari.load_dataset("reach-v0").recover_environment().reset(seed=0)'
+    subprocess.run([sys.executable, '-W', 'ignore', '-c', code], check=True)
