@@ -29,8 +29,8 @@ CLIENT_TEST := -m pytest -m clients tests/clients
 test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch ray minari)  ## Install and run real clients.
 	.venv-clients-acme/bin/python $(CLIENT_TEST)/test_acme.py
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
-	.venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
-	.venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
+	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
+	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
 

@@ -31,8 +31,18 @@ def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs) -> E
     return suite.load(suite.DOMAIN, task_name, task_kwargs, environment_kwargs)
 
 
-# Makes `dm_control.suite.load('fetch', ...)` work.
-_dm_suite._DOMAINS.setdefault(suite.DOMAIN, suite)
+def _join_dm_control_suite() -> None:
+    """Makes `dm_control.suite.load('fetch', ...)` work, and lists the tasks there."""
+    if suite.DOMAIN in _dm_suite._DOMAINS:
+        return
+    _dm_suite._DOMAINS[suite.DOMAIN] = suite
+    _dm_suite.TASKS_BY_DOMAIN[suite.DOMAIN] = ALL
+    names = tuple((suite.DOMAIN, task_name) for task_name in ALL)
+    _dm_suite.ALL_TASKS += names
+    _dm_suite.EXTRA += names
+
+
+_join_dm_control_suite()
 
 
 # Importing registers the Gymnasium ids, which is what `gymnasium.register_envs` asks for.

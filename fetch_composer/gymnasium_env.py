@@ -261,6 +261,11 @@ class FetchVectorEnv(_GoalFunctions, gymnasium.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
+    @property
+    def batch(self) -> BatchEnvironment:
+        """The `BatchEnvironment` behind these."""
+        return self._batch
+
     def reset(self, *, seed=None, options: dict[str, Any] | None = None):
         """Starts an episode in every environment.
 

@@ -32,6 +32,12 @@ for _task_name in fetch_composer.ALL:
 del _test
 
 
+def test_dm_controls_suite_lists_the_tasks():
+    for task_name in fetch_composer.ALL:
+        assert ('fetch', task_name) in dm_suite.ALL_TASKS
+        assert task_name in dm_suite.TASKS_BY_DOMAIN['fetch']
+
+
 def test_all_names_the_four_tasks():
     assert fetch_composer.ALL == ('pick_and_place', 'push', 'reach', 'slide')
     assert sorted(suite.SUITE) == list(fetch_composer.ALL)

@@ -20,6 +20,10 @@ ALL = tuple(sorted(TASKS))
 _FIXED_BY_TASK = frozenset({'self', 'name', 'workspace', 'block', 'locked_gripper', 'options'})
 
 
+class UnknownOptionError(TypeError, ValueError):
+    """An option that a task does not take: a keyword, and a value among valid ones."""
+
+
 def register(task_name: str, task_class: type[GoalTask]) -> None:
     """Makes a task of one's own known by name to `load`, the batch and Gymnasium's adapter.
 
@@ -46,15 +50,16 @@ def make(task_name: str, **task_kwargs) -> GoalTask:
         **task_kwargs: Its options; see `GoalTask`.
 
     Raises:
-        ValueError: if a name, an option or its value is not valid; the message lists what is.
+        ValueError: if a name or the value of an option is not valid; the message lists what is.
+        UnknownOptionError: if the task has no such option; it is a `ValueError` as well.
     """
     if task_name not in TASKS:
         raise ValueError(f'Unknown task {task_name!r}; valid are {", ".join(sorted(TASKS))}.')
     valid = options(task_name)
     unknown = sorted(set(task_kwargs) - set(valid))
     if unknown:
-        raise ValueError(
-            f'Unknown option {", ".join(map(repr, unknown))} of {task_name!r}; '
+        raise UnknownOptionError(
+            f'{task_name!r} got an unexpected keyword argument {", ".join(map(repr, unknown))}; '
             f'valid are {", ".join(valid)}.'
         )
     return TASKS[task_name](**task_kwargs)

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip('torchrl', reason="TorchRL is not installed: pip install -e '.[torchrl]'")
 
 import torch  # noqa: E402
-from torchrl.envs import DMControlWrapper  # noqa: E402
+from torchrl.envs import DMControlEnv, DMControlWrapper, GymEnv  # noqa: E402
 from torchrl.envs.utils import check_env_specs  # noqa: E402
 
 import fetch_composer  # noqa: E402
@@ -31,6 +31,12 @@ def envs(task_name):
 def test_specs_hold(envs):
     for env in envs.values():
         check_env_specs(env)
+
+
+def test_environments_can_be_named(task_name):
+    camel_case = ''.join(word.capitalize() for word in task_name.split('_'))
+    check_env_specs(GymEnv(f'fetch_composer/Fetch{camel_case}-v2'))
+    check_env_specs(DMControlEnv('fetch', task_name))
 
 
 def test_episodes_are_truncated_and_never_terminated(envs):
