@@ -69,7 +69,8 @@ class BatchEnvironment:
                 "A batch renders no pictures: use observation_mode='features', or single "
                 'environments.'
             )
-        self._task.scene.remove_looks()
+        # Nobody sees a batch, and what can be seen takes time as well.
+        self._task.scene.remove_looks(cameras=not self._task.variations.vary_looks)
         # The single environment compiles the model and has the specs.
         self._single = Environment(self._task, random_state=0)
         self._addresses = self._task.addresses
@@ -102,7 +103,7 @@ class BatchEnvironment:
         )
         current = self._task.observes_current_state
         stages = mujoco.mjtStage
-        self._stage = stages.mjSTAGE_VEL if current else stages.mjSTAGE_NONE
+        self._stage = stages.mjSTAGE_POS if current else stages.mjSTAGE_NONE
         self._loose_fingers = self._task.locked_gripper and len(addresses.finger_qpos) > 0
 
     @property
@@ -187,7 +188,7 @@ class BatchEnvironment:
         self._qvel[ids] = [state.qvel for state in states]
         self._mocap_position[ids] = [state.mocap_position for state in states]
         self._mocap_quaternion[ids] = [state.mocap_quaternion for state in states]
-        self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_VEL)
+        self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
         self._goals[ids] = [start.goal for start in drawn]
         self._steps_taken[ids] = 0
         self._reset_next_step[ids] = False
@@ -258,7 +259,7 @@ class BatchEnvironment:
                 self._qpos[:, self._addresses.finger_qpos] = 0
             else:
                 self._qpos[ids[:, np.newaxis], self._addresses.finger_qpos] = 0
-            self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_VEL)
+            self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
         else:
             self._sims.step(ids, nstep=substeps, stage=self._stage)
         self._steps_taken[rows] += 1

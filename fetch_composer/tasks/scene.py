@@ -127,12 +127,20 @@ class Scene:
 
         self.props: list[tuple[entities.Block, mjcf.Element, Sequence[float]]] = []
 
-    def remove_looks(self) -> None:
-        """Removes what can be seen and not touched, where nobody looks: it costs time as well."""
+    def remove_looks(self, cameras: bool) -> None:
+        """Removes what can be seen and not touched.
+
+        Args:
+            cameras: Whether to remove cameras and the light as well.
+        """
         for robot in (self.arm, self.gripper):
             for geom in robot.mjcf_model.find_all('geom', exclude_attachments=True):
                 if geom.dclass is not None and geom.dclass.dclass == 'visual':
                     geom.remove()
+        if cameras:
+            model = self.arena.mjcf_model
+            for each in (*model.find_all('camera'), *model.find_all('light')):
+                each.remove()
 
     def add_prop(self, prop: entities.Block, position: Sequence[float]) -> None:
         """Adds a further free body, which every episode starts at a position.

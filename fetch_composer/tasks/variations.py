@@ -30,6 +30,7 @@ NAMES = tuple(DESCRIPTIONS)
 _PHYSICAL = frozenset({'block_size', 'block_mass', 'friction'})
 _POSITIVE = _PHYSICAL
 _NEED_OBJECT = frozenset({'block_size', 'block_mass', 'friction', 'block_color'})
+_NEED_LOOKS = frozenset({'light_position', 'camera_offset'})
 
 # Fields of the compiled model that a variation writes.
 _FIELDS = {
@@ -127,12 +128,18 @@ class Variations:
         """Returns those of the drawn values that change how things move."""
         return {name: value for name, value in values.items() if name in _PHYSICAL}
 
+    @property
+    def vary_looks(self) -> bool:
+        """Whether light or cameras vary."""
+        return not _NEED_LOOKS.isdisjoint(self._given)
+
     def compile(self, physics: mjcf.Physics) -> None:
         """Looks up what the variations write in the compiled model."""
         model = physics.model.ptr
-        self._light = physics.bind(self._scene.arena.light).element_id
-        self._cameras = [model.camera(name).id for name in arena.CAMERAS]
-        self._camera_positions = model.cam_pos[self._cameras].copy()
+        if self.vary_looks:
+            self._light = physics.bind(self._scene.arena.light).element_id
+            self._cameras = [model.camera(name).id for name in arena.CAMERAS]
+            self._camera_positions = model.cam_pos[self._cameras].copy()
         self._table = physics.bind(self._scene.table.geom).element_id
         if self._scene.block is not None:
             self._block = physics.bind(self._scene.block.geom).element_id
