@@ -14,8 +14,13 @@ ONNX = ['onnxruntime>=1.17']
 SB3 = ['stable-baselines3>=2.9.2,<2.10', 'matplotlib>=3.7', *GYMNASIUM]
 TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
 RAY = ['ray>=2.60,<2.61']
-# Pillow and h5py are not among Minari's own requirements.
-MINARI = ['minari>=0.5.4,<0.6', 'h5py>=3.8', 'pillow>=10', *GYMNASIUM]
+# Pillow and h5py are not among Minari's own requirements, and it has none for Python 3.10.
+MINARI = [
+    'minari>=0.5.4,<0.6; python_version >= "3.11"',
+    'h5py>=3.8',
+    'pillow>=10',
+    *GYMNASIUM,
+]
 TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
