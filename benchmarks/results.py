@@ -6,7 +6,8 @@ from importlib import metadata
 from typing import Any
 
 from benchmarks import meters, pairing
-from benchmarks.rows import Breakdown, Row, num_processors
+from benchmarks.rows import Breakdown, Row
+from fetch_composer.batch import num_processors
 
 _MIN_PAIRS = 3
 _PACKAGES = ('dm-control', 'mujoco', 'numpy')

@@ -1,11 +1,11 @@
 """What is compared with what, and how the comparison should come out."""
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from typing import Any, Literal
 
 from benchmarks.meters import OWN, RAY, MemoryPerEnvironment, Meter, WholeProcess, Worker
+from fetch_composer.batch import num_processors
 
 GYMNASIUM_ROBOTICS = 'gymnasium_robotics'
 ENVPOOL = 'envpool'
@@ -64,13 +64,6 @@ class Row:
         if self.goal is None:
             return None
         return ratio >= self.goal if self.quantity == 'speed' else ratio <= self.goal
-
-
-def num_processors() -> int:
-    """Returns how many processors this process may use."""
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _single(convention: str, interface: str = 'dm_env', operation: str = 'step') -> Worker:

@@ -104,7 +104,6 @@ class BatchEnvironment:
         current = self._task.observes_current_state
         stages = mujoco.mjtStage
         self._stage = stages.mjSTAGE_POS if current else stages.mjSTAGE_NONE
-        self._loose_fingers = self._task.locked_gripper and len(addresses.finger_qpos) > 0
 
     @property
     def num_envs(self) -> int:
@@ -253,7 +252,7 @@ class BatchEnvironment:
             fingers = self._qpos[rows][:, self._addresses.finger_qpos]
             self._control[rows] = fingers + actions[rows, 3:]
         substeps = self._task.physics_steps_per_control_step
-        if self._loose_fingers:
+        if self._task.loose_fingers:
             self._sims.step(ids, nstep=substeps)
             if ids is None:
                 self._qpos[:, self._addresses.finger_qpos] = 0

@@ -27,6 +27,15 @@ def push_through(observation) -> np.ndarray:
     return towards(observation, (block[0] + 0.015, grip[1] + 0.025, block[2]))
 
 
+def push_until(env, observation, y: float, max_steps: int = 100):
+    """Pushes the object until its y, in m, is beyond that; returns the last observation."""
+    for _ in range(max_steps):
+        if observation['achieved_goal'][1] >= y:
+            return observation
+        observation = env.step(push_through(observation)).observation
+    raise AssertionError(f'The object was not pushed to y = {y} m within {max_steps} steps.')
+
+
 def run(env, actions) -> list:
     """Returns the time steps of `env.reset()` and of every action."""
     return [env.reset(), *(env.step(action) for action in actions)]

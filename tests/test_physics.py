@@ -44,8 +44,7 @@ def test_a_pushed_block_moves_and_stops():
 def test_a_puck_that_was_hit_coasts_away_from_the_gripper():
     env = fetch_composer.load('slide', seed=0, max_episode_steps=None)
     observation = env.reset().observation
-    while observation['achieved_goal'][1] < 0.8:
-        observation = env.step(episodes.push_through(observation)).observation
+    observation = episodes.push_until(env, observation, 0.8)
     released = observation['achieved_goal'][1]
     for _ in range(25):
         observation = env.step(np.array([0, -1, 0, 0], np.float32)).observation

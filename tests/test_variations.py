@@ -98,8 +98,7 @@ def test_objects_glide_less_far_the_rougher_the_table():
             'slide', seed=0, variations={'friction': friction}, max_episode_steps=None
         )
         observation = env.reset().observation
-        while observation['achieved_goal'][1] < 0.8:
-            observation = env.step(episodes.push_through(observation)).observation
+        observation = episodes.push_until(env, observation, 0.8)
         for _ in range(30):
             observation = env.step(np.array([0, -1, 0, 0], np.float32)).observation
         return observation['achieved_goal'][1]

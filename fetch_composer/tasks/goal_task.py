@@ -85,6 +85,8 @@ class GoalTask(composer.Task):
         self.reward_type = reward_type
         self.max_episode_steps = max_episode_steps
         self.locked_gripper = locked_gripper
+        # A locked gripper whose fingers slide within a control step, and are put back at its end.
+        self.loose_fingers = locked_gripper and not self.convention.rigid_lock
         self.visualize_reward = False
         self.scene = scene.Scene(workspace, self.convention, block, locked_gripper)
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=PHYSICS_TIMESTEP)
@@ -242,7 +244,6 @@ class GoalTask(composer.Task):
         model, data = physics.model.ptr, physics.data.ptr
         self._physics, self._model, self._data = physics, model, data
         self.addresses = addresses = Addresses.of(self.scene, physics)
-        self._loose_fingers = self.locked_gripper and len(addresses.finger_qpos) > 0
         self.variations.compile(physics)
         self._gripper_position = data.xpos[addresses.gripper_link]
         self._gripper_quaternion = data.xquat[addresses.gripper_link]
@@ -297,7 +298,7 @@ class GoalTask(composer.Task):
 
     def after_step(self, physics, random_state) -> None:
         del physics, random_state  # Unused.
-        if self._loose_fingers:
+        if self.loose_fingers:
             self._data.qpos[self.addresses.finger_qpos] = 0
         if self.observes_current_state:
             # `mj_step` leaves positions and velocities one substep behind the state.
