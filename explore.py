@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from absl import app, flags, logging
 
 if typing.TYPE_CHECKING:
-    from fetch_composer.exploration import run as run_lib
+    from fetch_composer.explorer import run as run_lib
 
 flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
 flags.DEFINE_multi_string(
@@ -31,7 +31,9 @@ flags.DEFINE_bool(
 )
 flags.DEFINE_integer('episodes', 5, 'Number of episodes.')
 flags.DEFINE_integer('seed', 0, 'Seed of the first episode; each has the next one.')
-flags.DEFINE_string('convention', 'documented', 'Reading of the task: documented or gymnasium.')
+flags.DEFINE_string(
+    'convention', 'documented', 'Reading of the task: documented or gymnasium_robotics.'
+)
 flags.DEFINE_string('reward_type', 'sparse', 'Reward: sparse or dense.')
 flags.DEFINE_integer('max_episode_steps', 50, 'Control steps of an episode, 25 to a second.')
 flags.DEFINE_integer(
@@ -87,7 +89,7 @@ def _explore() -> int:
     # dm_control and MuJoCo read this once, when they are imported.
     os.environ[_GL_VARIABLE] = backend or _NO_BACKEND
     try:
-        from fetch_composer.exploration import run as run_lib
+        from fetch_composer.explorer import run as run_lib
     except ModuleNotFoundError as error:
         return _fail(f"{error.name} is not installed: pip install 'fetch_composer[explore]'")
 

@@ -1,4 +1,4 @@
-"""Compares our `gymnasium` convention with Gymnasium-Robotics, both live on the same seeds.
+"""Compares `gymnasium_robotics` with Gymnasium-Robotics itself, both live on the same seeds.
 
     make parity
     python -m benchmarks.parity --peer PYTHON [--tasks push ...] [--seeds 3000 3099]
@@ -58,7 +58,7 @@ def compare(task: str, peer_episodes: dict) -> dict[str, np.ndarray]:
         `gripper` and `achieved_goal`: (E,) largest distances in m; `reward`: (E, T) whether
         rewards are equal.
     """
-    env = fetch_composer.load(task, convention='gymnasium')
+    env = fetch_composer.load(task, convention='gymnasium_robotics')
     errors: dict[str, list] = {'gripper': [], 'achieved_goal': [], 'reward': []}
     for episode, seed in enumerate(peer_episodes['seed']):
         env.seed(int(seed))

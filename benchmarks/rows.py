@@ -67,7 +67,7 @@ class Row:
 
 
 def _single(convention: str, interface: str = 'dm_env', operation: str = 'step') -> Worker:
-    names = {'documented': 'documented', 'gymnasium': '-v4'}
+    names = {'documented': 'documented', 'gymnasium_robotics': '-v4'}
     interfaces = {'dm_env': 'dm_env', 'gymnasium': 'gym.make'}
     options = {
         'convention': convention,
@@ -100,8 +100,11 @@ _ROBOTICS = Worker(
 
 def single_rows() -> list[Row]:
     """Returns the rows of a single environment's control steps."""
-    documented, v4 = _single('documented'), _single('gymnasium')
-    v2_made, v4_made = _single('documented', 'gymnasium'), _single('gymnasium', 'gymnasium')
+    documented, v4 = _single('documented'), _single('gymnasium_robotics')
+    v2_made, v4_made = (
+        _single('documented', 'gymnasium'),
+        _single('gymnasium_robotics', 'gymnasium'),
+    )
     return [
         Row('single', documented, _BARE, 'speed', goal=0.85),
         Row('single', documented, _ROBOTICS, 'speed', goal=3.0),
@@ -128,7 +131,7 @@ def bare_batch_row(num_envs: int) -> Row:
 
 def envpool_row(num_envs: int, convention: str = 'documented') -> Row:
     """Returns a batch against EnvPool with as many environments and threads."""
-    version = ' of -v4' if convention == 'gymnasium' else ''
+    version = ' of -v4' if convention == 'gymnasium_robotics' else ''
     ours = _batch(
         f'batch{version} of {num_envs}', OWN, 'composer_batch', num_envs, convention=convention
     )
@@ -147,7 +150,7 @@ def reset_rows() -> list[Row]:
             'time',
             goal=1.0,
         )  # fmt: skip
-        for convention in ('documented', 'gymnasium')
+        for convention in ('documented', 'gymnasium_robotics')
     ]
 
 
@@ -222,7 +225,7 @@ def all_rows() -> list[Row]:
         *(rollout_row(num_envs) for num_envs in NUM_ENVS),
         bare_batch_row(64),
         *(envpool_row(num_envs) for num_envs in NUM_ENVS),
-        envpool_row(64, 'gymnasium'),
+        envpool_row(64, 'gymnasium_robotics'),
         *reset_rows(),
         *pixels_rows(),
         start_up_row(),
@@ -254,9 +257,9 @@ def breakdowns() -> list[Breakdown]:
     batch: dict[str, Any] = {'num_envs': 64, 'num_threads': num_processors()}
     cases: dict[str, dict[str, Any]] = {
         'documented': {'convention': 'documented'},
-        '-v4': {'convention': 'gymnasium'},
+        '-v4': {'convention': 'gymnasium_robotics'},
         'documented, batch of 64': {'convention': 'documented', **batch},
-        '-v4, batch of 64': {'convention': 'gymnasium', **batch},
+        '-v4, batch of 64': {'convention': 'gymnasium_robotics', **batch},
     }
     return [
         Breakdown(label, Worker(label, OWN, 'breakdown', options))

@@ -13,7 +13,9 @@ import numpy as np  # noqa: E402
 from PIL import Image  # noqa: E402
 
 import fetch_composer  # noqa: E402
-from fetch_composer.exploration import recording, rendering, rollout  # noqa: E402
+from fetch_composer.explorer.episodes import episode as rollout  # noqa: E402
+from fetch_composer.explorer.pictures import rendering  # noqa: E402
+from fetch_composer.explorer.results import recording  # noqa: E402
 
 _FOLDER = pathlib.Path(__file__).parent
 # Episodes that start apart from their goals, and whose targets the camera sees.

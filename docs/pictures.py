@@ -14,8 +14,8 @@ from fetch_composer import policies  # noqa: E402
 
 _FOLDER = pathlib.Path(__file__).parent
 _VARIATIONS = {
-    'block_size': distributions.Uniform((0.02, 0.02, 0.015), (0.035, 0.035, 0.03)),
-    'block_color': distributions.Uniform((0, 0, 0), (1, 1, 1)),
+    'object_size': distributions.Uniform((0.02, 0.02, 0.015), (0.035, 0.035, 0.03)),
+    'object_color': distributions.Uniform((0, 0, 0), (1, 1, 1)),
     'light_position': distributions.Uniform((1, -1, 2.5), (3, 2, 3.5)),
     'camera_offset': distributions.Uniform((-0.1,) * 3, (0.1,) * 3),
     'gripper_offset': distributions.Uniform((-0.08,) * 3, (0.08,) * 3),

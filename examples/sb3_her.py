@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common import env_checker
 
-from fetch_composer.sb3_env import SB3VecEnv
+from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--env', default='fetch_composer/FetchReach-v2', help='Gymnasium id')

@@ -47,4 +47,4 @@ _join_dm_control_suite()
 
 # Importing registers the Gymnasium ids, which is what `gymnasium.register_envs` asks for.
 if importlib.util.find_spec('gymnasium'):
-    from fetch_composer import gymnasium_env as _gymnasium_env  # noqa: F401
+    from fetch_composer.interfaces import gymnasium_env as _gymnasium_env  # noqa: F401

@@ -135,24 +135,24 @@ class BatchEnvironment:
                 raise ValueError(f'{self._num_envs} seeds are needed, got {len(seeds)}.')
         self._random_states = [SeededRandomState(each) for each in seeds]
 
-    def reset(self, block_position=None, goal=None) -> dm_env.TimeStep:
+    def reset(self, object_position=None, goal=None) -> dm_env.TimeStep:
         """Starts a new episode in every environment.
 
         Args:
-            block_position: (2,) or (num_envs, 2) x and y in m at which objects start.
+            object_position: (2,) or (num_envs, 2) x and y in m at which objects start.
             goal: (3,) or (num_envs, 3) desired goals in m.
 
         Raises:
             ValueError: if a place cannot be; nothing has changed.
         """
-        return self.start_episodes(self.check_starts(block_position, goal))
+        return self.start_episodes(self.check_starts(object_position, goal))
 
-    def check_starts(self, block_position=None, goal=None) -> list[starts.Start]:
+    def check_starts(self, object_position=None, goal=None) -> list[starts.Start]:
         """Returns the given places for each environment; see `reset`."""
         return [
             self._task.check_start(*each)
             for each in zip(
-                self._each('block_position', block_position, 2),
+                self._each('object_position', object_position, 2),
                 self._each('goal', goal, 3),
                 strict=True,
             )

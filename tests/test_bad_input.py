@@ -41,7 +41,7 @@ def test_actions_outside_the_range_are_clipped(env):
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        ({'convention': 'gym'}, 'valid are documented, gymnasium'),
+        ({'convention': 'gym'}, 'valid are documented, gymnasium_robotics'),
         ({'reward_type': 'shaped'}, 'valid are sparse, dense'),
         ({'max_episode_steps': 0}, 'positive integer'),
         ({'max_episode_steps': -3}, 'positive integer'),
@@ -65,8 +65,8 @@ def test_options_that_make_no_sense_are_refused(task_name, options, message):
 @pytest.mark.parametrize('position', [(0, 0), (1.3, np.inf), (1.3,), (1.3, 0.75, 0.42)])
 def test_places_that_cannot_be_leave_the_next_episode_as_it_was(object_task_name, position):
     env = fetch_composer.load(object_task_name, seed=0)
-    with pytest.raises(ValueError, match='block_position'):
-        env.task.set_next_episode(block_position=position)
+    with pytest.raises(ValueError, match='object_position'):
+        env.task.set_next_episode(object_position=position)
     reference = fetch_composer.load(object_task_name, seed=0).reset()
     episodes.assert_same([env.reset()], [reference])
 
@@ -74,7 +74,7 @@ def test_places_that_cannot_be_leave_the_next_episode_as_it_was(object_task_name
 def test_reach_has_no_object_to_place():
     env = fetch_composer.load('reach', seed=0)
     with pytest.raises(ValueError, match='has no object'):
-        env.task.set_next_episode(block_position=(1.3, 0.75))
+        env.task.set_next_episode(object_position=(1.3, 0.75))
 
 
 def test_unknown_names_are_answered_with_the_valid_ones():
@@ -95,8 +95,8 @@ def test_a_seed_that_is_none_is_refused(seed):
 
 
 def test_an_object_cannot_start_within_a_gripper_that_starts_low():
-    env = fetch_composer.load('push', seed=0, convention='gymnasium')
+    env = fetch_composer.load('push', seed=0, convention='gymnasium_robotics')
     with pytest.raises(ValueError, match='where the gripper starts'):
-        env.task.set_next_episode(block_position=(1.36, 0.76))
+        env.task.set_next_episode(object_position=(1.36, 0.76))
     # The documented gripper hovers above.
-    fetch_composer.load('push', seed=0, block_position=(1.34, 0.75)).reset()
+    fetch_composer.load('push', seed=0, object_position=(1.34, 0.75)).reset()

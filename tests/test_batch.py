@@ -88,7 +88,7 @@ def test_observations_are_not_shared_memory(task_name):
 def test_given_places_may_be_one_for_all_or_one_for_each():
     batch = fetch_composer.BatchEnvironment('push', 2, seed=0)
     goals = np.array([[1.2, 0.7, 0.425], [1.3, 0.8, 0.425]])
-    observation = batch.reset(block_position=(1.25, 0.6), goal=goals).observation
+    observation = batch.reset(object_position=(1.25, 0.6), goal=goals).observation
     np.testing.assert_allclose(observation['achieved_goal'][:, :2], [(1.25, 0.6)] * 2)
     np.testing.assert_array_equal(observation['desired_goal'], goals)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer.exploration import batch_rollout, replay, rollout
+from fetch_composer.explorer.episodes import batch_rollout, replay
+from fetch_composer.explorer.episodes import episode as rollout
 
 _ARRAYS = ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward')
 _STEPS = 25
@@ -57,7 +58,7 @@ def test_work_and_result_can_be_sent_to_another_process(tmp_path):
     (tmp_path / 'work').write_bytes(pickle.dumps((options, [7, 8])))
     code = (
         'import pathlib, pickle, sys\n'
-        'from fetch_composer.exploration import batch_rollout\n'
+        'from fetch_composer.explorer.episodes import batch_rollout\n'
         'work = pickle.loads(pathlib.Path("work").read_bytes())\n'
         'result = batch_rollout.run_episodes(*work)\n'
         'pathlib.Path("result").write_bytes(pickle.dumps(result))\n'

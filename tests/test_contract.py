@@ -148,7 +148,7 @@ def test_success_earns_the_sparse_reward(task_name):
     start = env.reset().observation['achieved_goal']
     env.task.set_next_episode(goal=start + (0.01, 0, 0))
     if task_name != 'reach':
-        env.task.set_next_episode(block_position=start[:2], goal=start + (0.01, 0, 0))
+        env.task.set_next_episode(object_position=start[:2], goal=start + (0.01, 0, 0))
     env.reset()
     time_step = env.step(np.zeros(4, np.float32))
     assert time_step.reward == 0
@@ -217,7 +217,7 @@ def test_the_target_turns_green_at_the_goal_on_request():
     env = suite.load('fetch', 'push', task_kwargs={'random': 0}, visualize_reward=True)
     plain = suite.load('fetch', 'push', task_kwargs={'random': 0})
     for each, colour_at_goal in ((env, (0.2, 0.8, 0.2)), (plain, (0.9, 0.1, 0.1))):
-        each.task.set_next_episode(block_position=(1.2, 0.7), goal=(1.2, 0.71, 0.4249))
+        each.task.set_next_episode(object_position=(1.2, 0.7), goal=(1.2, 0.71, 0.4249))
         each.reset()
         assert each.step(np.zeros(4, np.float32)).reward == 0
         rgba = each.physics.named.model.site_rgba['target/target']

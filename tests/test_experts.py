@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer.policies.pick_and_place_expert import PickAndPlaceExpert
-from fetch_composer.policies.reach_expert import ReachExpert
-from fetch_composer.policies.slide_expert import SlideExpert
+from fetch_composer.policies.experts.pick_and_place import PickAndPlaceExpert
+from fetch_composer.policies.experts.reach import ReachExpert
+from fetch_composer.policies.experts.slide import SlideExpert
 from fetch_composer.tasks import is_success
 
 EXPERTS = {
@@ -15,7 +15,7 @@ EXPERTS = {
     'slide': SlideExpert,
 }
 WITH_OBJECT = ('pick_and_place', 'slide')
-CONVENTIONS = ('documented', 'gymnasium')
+CONVENTIONS = ('documented', 'gymnasium_robotics')
 
 NUM_EPISODES = 40
 MAY_FAIL = 2  # Of these, on another machine: contacts amplify the last digit.

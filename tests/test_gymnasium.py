@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.utils import env_checker
 
 import fetch_composer
-from fetch_composer import gymnasium_env
+from fetch_composer.interfaces import gymnasium_env
 from tests import episodes
 
 pytestmark = pytest.mark.filterwarnings('ignore:.*out of date.*:DeprecationWarning')
@@ -54,7 +54,7 @@ def test_spaces_are_the_peers(env_id):
 
 def test_ids_choose_convention_and_reward(env_id):
     task = gym.make(env_id).unwrapped.dm_env.task
-    assert task.convention.name == ('gymnasium' if env_id.endswith('v4') else 'documented')
+    assert task.convention.name == ('gymnasium_robotics' if env_id.endswith('v4') else 'documented')
     assert task.reward_type == ('dense' if 'Dense' in env_id else 'sparse')
 
 
@@ -70,7 +70,7 @@ def test_episodes_are_truncated_and_never_terminated(env_id):
 
 
 def test_a_seed_starts_as_it_does_in_dm_env(task_name, convention):
-    version = 'v4' if convention == 'gymnasium' else 'v2'
+    version = 'v4' if convention == 'gymnasium_robotics' else 'v2'
     camel = ''.join(word.capitalize() for word in task_name.split('_'))
     env = gym.make(f'fetch_composer/Fetch{camel}-{version}')
     single = fetch_composer.load(task_name, seed=12, convention=convention)
@@ -105,9 +105,9 @@ def test_rewards_can_be_recomputed_for_relabelled_goals(env_id):
 
 def test_options_give_start_and_goal_of_one_episode():
     env = gym.make('fetch_composer/FetchPush-v2')
-    options = {'block_position': (1.2, 0.6), 'goal': (1.3, 0.8, 0.425)}
+    options = {'object_position': (1.2, 0.6), 'goal': (1.3, 0.8, 0.425)}
     observation, _ = env.reset(seed=0, options=options)
-    np.testing.assert_allclose(observation['achieved_goal'][:2], options['block_position'])
+    np.testing.assert_allclose(observation['achieved_goal'][:2], options['object_position'])
     np.testing.assert_array_equal(observation['desired_goal'], options['goal'])
     observation, _ = env.reset()
     assert np.abs(observation['desired_goal'] - options['goal']).max() > 1e-3
@@ -116,8 +116,8 @@ def test_options_give_start_and_goal_of_one_episode():
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        ({'start': (1.2, 0.6)}, 'valid are block_position, goal'),
-        ({'block_position': (0, 0)}, 'off the table'),
+        ({'start': (1.2, 0.6)}, 'valid are object_position, goal'),
+        ({'object_position': (0, 0)}, 'off the table'),
         ({'goal': (np.nan, 0.75, 0.42)}, '3 finite numbers'),
     ],
 )
@@ -204,7 +204,7 @@ def test_the_vector_form_takes_its_length_of_episode_options_and_info():
     truncations = [env.step(np.zeros((2, 4), np.float32))[3].all() for _ in range(4)]
     assert truncations == [False, False, True, False]
     assert info['is_success'].shape == (2,)
-    with pytest.raises(ValueError, match='valid are block_position, goal'):
+    with pytest.raises(ValueError, match='valid are object_position, goal'):
         env.reset(options={'x': 1})
 
 
@@ -214,7 +214,7 @@ sys.modules['gymnasium'] = None
 import fetch_composer
 fetch_composer.load('push', seed=0).reset()
 try:
-    import fetch_composer.gymnasium_env
+    import fetch_composer.interfaces.gymnasium_env
 except ImportError as error:
     print(error)
 """

@@ -39,7 +39,7 @@ def test_the_documented_task_runs(module):
 def test_its_posts_stand_and_stop_the_block(module):
     env = module['env']
     block_in_front_of_a_post = (1.21, 0.65)
-    env.task.set_next_episode(block_position=block_in_front_of_a_post)
+    env.task.set_next_episode(object_position=block_in_front_of_a_post)
     observation = env.reset().observation
     posts = [np.array(env.physics.named.data.qpos[f'post{i}/free/'][:3]) for i in range(2)]
     np.testing.assert_allclose([p[:2] for p in posts], module['_GATE'], atol=1e-6)
@@ -68,5 +68,5 @@ def test_a_name_is_given_once(module):
     assert 'push_through_gate' in registry.TASKS
     with pytest.raises(ValueError, match='taken by Push'):
         tasks.register('push', module['PushThroughGate'])
-    with pytest.raises(ValueError, match='no gymnasium convention'):
-        fetch_composer.load('push_through_gate', convention='gymnasium')
+    with pytest.raises(ValueError, match='no gymnasium_robotics convention'):
+        fetch_composer.load('push_through_gate', convention='gymnasium_robotics')

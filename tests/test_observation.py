@@ -95,7 +95,7 @@ def test_fingers_are_observed_right_then_left():
 
 
 def test_euler_angles_are_continuous_while_an_object_is_pushed():
-    env = fetch_composer.load('push', seed=0, block_position=(1.3, 0.6))
+    env = fetch_composer.load('push', seed=0, object_position=(1.3, 0.6))
     observations = [observation['observation'] for observation in _pushed(env, 28)]
     assert min(observation[5] for observation in observations) > 0.42  # On the table all along.
     angles = np.array([observation[11:14] for observation in observations])

@@ -19,7 +19,7 @@ def recorded(task_name):
 
 def _replay(task_name, recorded, episode):
     env = fetch_composer.load(
-        task_name, seed=int(recorded['seed'][episode]), convention='gymnasium'
+        task_name, seed=int(recorded['seed'][episode]), convention='gymnasium_robotics'
     )
     return episodes.run(env, recorded['actions'][episode])
 

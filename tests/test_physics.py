@@ -25,7 +25,7 @@ def test_an_object_at_rest_neither_sinks_nor_jitters_nor_drifts(object_task_name
 
 
 def test_a_pushed_block_moves_and_stops():
-    env = fetch_composer.load('push', seed=0, max_episode_steps=None, block_position=(1.3, 0.6))
+    env = fetch_composer.load('push', seed=0, max_episode_steps=None, object_position=(1.3, 0.6))
     time_step = env.reset()
     start = time_step.observation['achieved_goal']
     for _ in range(25):

@@ -7,7 +7,7 @@ import fetch_composer
 from fetch_composer import policies, tasks
 
 _EXPERT_EPISODES = 50
-_CONVENTIONS = ('documented', 'gymnasium')
+_CONVENTIONS = ('documented', 'gymnasium_robotics')
 
 
 def _is_success(env, policy, seed):
@@ -38,7 +38,7 @@ def test_push_expert_is_at_the_goal_at_the_last_step(convention):
 def test_push_expert_leaves_a_block_alone_that_starts_at_the_goal(convention):
     env = fetch_composer.load('push', seed=0, convention=convention)
     place = (1.25, 0.85)
-    env.task.set_next_episode(block_position=place, goal=(*place, 0.4249))
+    env.task.set_next_episode(object_position=place, goal=(*place, 0.4249))
     expert = policies.load('expert', env)
     time_step = env.reset()
     while not time_step.last():

@@ -10,7 +10,7 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies
-from fetch_composer.exploration import batch_rollout
+from fetch_composer.explorer.episodes import batch_rollout
 
 _SIZES = {'observation': 25, 'achieved_goal': 3, 'desired_goal': 3}
 

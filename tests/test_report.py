@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fetch_composer.exploration import batch_rollout, compare, filming, report
-from fetch_composer.exploration import run as run_lib
-from fetch_composer.exploration.candidate import Candidate
+from fetch_composer.explorer import run as run_lib
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.pictures import filming
+from fetch_composer.explorer.report import page as report
+from fetch_composer.explorer.results import compare
+from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.tasks import registry
 
 _EVIL = '<script>alert("x")</script>$a_b$ & \'"'

@@ -11,8 +11,10 @@ import time
 import numpy as np
 import pytest
 
-from fetch_composer.exploration import filming, recording, rollout, store
-from fetch_composer.exploration import run as run_lib
+from fetch_composer.explorer import run as run_lib
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import filming
+from fetch_composer.explorer.results import recording, store
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_envs=4')

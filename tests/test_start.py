@@ -150,10 +150,10 @@ def test_reset_restores_everything(task_name, convention):
 def test_given_places_are_taken_for_one_episode(object_task_name, convention):
     env = fetch_composer.load(object_task_name, seed=0, convention=convention)
     centre = np.array(env.task.workspace.table_position[:2])
-    block_position, goal = centre + (0.1, 0.2), np.array([*(centre - 0.1), 0.45])
-    env.task.set_next_episode(block_position=block_position, goal=goal)
+    object_position, goal = centre + (0.1, 0.2), np.array([*(centre - 0.1), 0.45])
+    env.task.set_next_episode(object_position=object_position, goal=goal)
     given = env.reset().observation
-    np.testing.assert_allclose(given['achieved_goal'][:2], block_position, atol=1e-12)
+    np.testing.assert_allclose(given['achieved_goal'][:2], object_position, atol=1e-12)
     np.testing.assert_array_equal(given['desired_goal'], goal)
     sampled = env.reset().observation
     assert np.abs(sampled['desired_goal'] - goal).max() > 1e-3

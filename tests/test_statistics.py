@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fetch_composer.exploration import compare, rollout, statistics
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import compare, statistics
 
 
 @pytest.mark.parametrize(

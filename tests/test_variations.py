@@ -10,9 +10,9 @@ from fetch_composer import tasks
 from tests import episodes
 
 _ALL = {
-    'block_mass': distributions.Uniform(1.0, 3.0),
+    'object_mass': distributions.Uniform(1.0, 3.0),
     'friction': distributions.Uniform(0.3, 1.0),
-    'block_color': distributions.Uniform((0, 0, 0), (1, 1, 1)),
+    'object_color': distributions.Uniform((0, 0, 0), (1, 1, 1)),
     'light_position': distributions.Uniform((1, -1, 2.5), (3, 2, 3.5)),
     'camera_offset': distributions.Uniform((-0.1,) * 3, (0.1,) * 3),
     'gripper_offset': distributions.Uniform((-0.05,) * 3, (0.05,) * 3),
@@ -25,7 +25,7 @@ _SIZES = {
 
 
 def _all(task_name):
-    return {**_ALL, 'block_size': _SIZES[task_name]}
+    return {**_ALL, 'object_size': _SIZES[task_name]}
 
 
 def test_every_episode_is_drawn_and_a_seed_fixes_it(object_task_name):
@@ -44,7 +44,7 @@ def test_every_episode_is_drawn_and_a_seed_fixes_it(object_task_name):
 
 
 def test_without_variations_starts_are_as_before(object_task_name):
-    varied = fetch_composer.load(object_task_name, seed=4, variations={'block_mass': 1.5})
+    varied = fetch_composer.load(object_task_name, seed=4, variations={'object_mass': 1.5})
     plain = fetch_composer.load(object_task_name, seed=4)
     episodes.assert_same([varied.reset()], [plain.reset()])
 
@@ -63,7 +63,7 @@ def test_nothing_is_recompiled():
 def test_a_varied_object_is_the_object_compiled_that_way(geom_type, size):
     """Bounds, inertia and the solver's constants follow size and mass."""
     name = 'push' if geom_type == 'box' else 'slide'
-    env = fetch_composer.load(name, seed=0, variations={'block_size': size, 'block_mass': 1.3})
+    env = fetch_composer.load(name, seed=0, variations={'object_size': size, 'object_mass': 1.3})
     env.reset()
     varied = env.physics.model.ptr
 
@@ -81,7 +81,7 @@ def test_a_varied_object_is_the_object_compiled_that_way(geom_type, size):
 
 
 def test_an_object_of_any_size_rests_on_the_table(object_task_name):
-    variations = {'block_size': _SIZES[object_task_name]}
+    variations = {'object_size': _SIZES[object_task_name]}
     env = fetch_composer.load(
         object_task_name, seed=0, variations=variations, max_episode_steps=None
     )
@@ -133,7 +133,7 @@ def test_a_batch_varies_each_environment_as_the_single_one(object_task_name):
 
 
 def test_looks_vary_in_pictures_and_not_in_physics():
-    looks = {k: _ALL[k] for k in ('block_color', 'light_position', 'camera_offset')}
+    looks = {k: _ALL[k] for k in ('object_color', 'light_position', 'camera_offset')}
     env = fetch_composer.load('push', seed=0, variations=looks)
     plain = fetch_composer.load('push', seed=0)
     actions = episodes.uniform_actions(10)
@@ -148,11 +148,11 @@ def test_looks_vary_in_pictures_and_not_in_physics():
 @pytest.mark.parametrize(
     ('variations', 'message'),
     [
-        ({'gravity': 1}, 'valid are block_size, block_mass'),
-        ({'block_mass': -1.0}, 'must be positive'),
-        ({'block_mass': (1, 2)}, "the object's mass in kg"),
+        ({'gravity': 1}, 'valid are object_size, object_mass'),
+        ({'object_mass': -1.0}, 'must be positive'),
+        ({'object_mass': (1, 2)}, "the object's mass in kg"),
         ({'friction': np.nan}, 'sliding coefficient'),
-        ({'block_size': (0.02, 0.03)}, 'this object has 3 sizes'),
+        ({'object_size': (0.02, 0.03)}, 'this object has 3 sizes'),
     ],
 )
 def test_variations_that_make_no_sense_are_refused(variations, message):
@@ -162,8 +162,8 @@ def test_variations_that_make_no_sense_are_refused(variations, message):
 
 def test_what_a_task_lacks_cannot_vary():
     with pytest.raises(ValueError, match='has no object'):
-        fetch_composer.load('reach', variations={'block_mass': 1})
+        fetch_composer.load('reach', variations={'object_mass': 1})
     with pytest.raises(ValueError, match='settled'):
         fetch_composer.load(
-            'push', convention='gymnasium', variations={'gripper_offset': (0, 0, 0)}
+            'push', convention='gymnasium_robotics', variations={'gripper_offset': (0, 0, 0)}
         )

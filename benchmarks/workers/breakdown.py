@@ -79,7 +79,7 @@ def build(convention: str, num_envs: int | None = None, num_threads: int = 1):
     the whole took in an episode. The stopwatches themselves, some 2 µs, are in the rest.
 
     Args:
-        convention: 'documented' or 'gymnasium'.
+        convention: 'documented' or 'gymnasium_robotics'.
         num_envs: How many environments; None for a single one rather than a batch.
         num_threads: How many threads share a batch.
     """

@@ -11,7 +11,7 @@ def build(num_steps: int, num_envs: int, num_threads: int, convention: str = 'do
         num_steps: Control steps of the whole batch in a round.
         num_envs: How many environments.
         num_threads: How many threads share them.
-        convention: 'documented' or 'gymnasium'.
+        convention: 'documented' or 'gymnasium_robotics'.
     """
     env = fetch_composer.BatchEnvironment('push', num_envs, num_threads, convention=convention)
 

@@ -3,7 +3,7 @@
 import fetch_composer
 from benchmarks.workers import protocol, rounds
 
-_VERSIONS = {'documented': 'v2', 'gymnasium': 'v4'}
+_VERSIONS = {'documented': 'v2', 'gymnasium_robotics': 'v4'}
 
 
 def _through_dm_env(convention: str):
@@ -37,7 +37,7 @@ def build(num_steps: int, convention: str, interface: str = 'dm_env', operation:
 
     Args:
         num_steps: Control steps, or resets, in a round.
-        convention: 'documented' or 'gymnasium'.
+        convention: 'documented' or 'gymnasium_robotics'.
         interface: 'dm_env' or 'gymnasium'.
         operation: 'step' or 'reset'.
     """

@@ -5,7 +5,7 @@ import contextlib
 import time
 
 from benchmarks.workers import protocol
-from fetch_composer.exploration import batch_rollout
+from fetch_composer.explorer.episodes import batch_rollout
 
 
 def build(num_episodes: int, num_envs: int, over_ray: bool):
@@ -20,7 +20,7 @@ def build(num_episodes: int, num_envs: int, over_ray: bool):
     stack = contextlib.ExitStack()
     atexit.register(stack.close)
     if over_ray:
-        from fetch_composer.exploration import ray_rollout
+        from fetch_composer.explorer.episodes import ray_rollout
 
         rollouts = stack.enter_context(ray_rollout.cluster('local'))
     else:

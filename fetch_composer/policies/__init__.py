@@ -8,11 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fetch_composer.policies import code_policy, onnx_policy, sb3_policy
-from fetch_composer.policies.pick_and_place_expert import PickAndPlaceExpert
-from fetch_composer.policies.push_expert import PushExpert
-from fetch_composer.policies.reach_expert import ReachExpert
-from fetch_composer.policies.slide_expert import SlideExpert
+from fetch_composer.policies.experts.pick_and_place import PickAndPlaceExpert
+from fetch_composer.policies.experts.push import PushExpert
+from fetch_composer.policies.experts.reach import ReachExpert
+from fetch_composer.policies.experts.slide import SlideExpert
+from fetch_composer.policies.files import code_policy, onnx_policy, sb3_policy
 from fetch_composer.policies.uniform import UniformPolicy
 from fetch_composer.policies.zero import ZeroPolicy
 

@@ -7,7 +7,7 @@ from dm_env import specs
 
 
 class ZeroPolicy:
-    """Returns zeros: `documented` then holds the gripper still, `gymnasium` lets it drift."""
+    """Returns zeros: `documented` holds the gripper still then; the other lets it drift."""
 
     def __init__(self, action_spec: specs.Array) -> None:
         """Initializes the policy with the shape and dtype of an action."""

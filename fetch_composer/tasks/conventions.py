@@ -1,8 +1,8 @@
 """Two readings of the Fetch tasks: what their page says and what the published code does.
 
-`documented` holds every number and formula of the specification page. `gymnasium` reproduces the
-v4 environments of Gymnasium-Robotics 1.4.2, which differ from their page. A convention is a set
-of named choices; tasks ask for a choice and never for the convention's name.
+`documented` holds every number and formula of the specification page. `gymnasium_robotics`
+reproduces the v4 environments of Gymnasium-Robotics 1.4.2, which differ from their page. A
+convention is a set of named choices; tasks ask for a choice and never for the convention's name.
 """
 
 import dataclasses
@@ -67,8 +67,8 @@ DOCUMENTED = Convention(
     refresh_unlocked=True,
 )
 
-GYMNASIUM = Convention(
-    name='gymnasium',
+GYMNASIUM_ROBOTICS = Convention(
+    name='gymnasium_robotics',
     damped_base=True,
     gravity_compensation=False,
     exact_hulls=True,
@@ -81,7 +81,7 @@ GYMNASIUM = Convention(
     refresh_unlocked=False,
 )
 
-CONVENTIONS = {convention.name: convention for convention in (DOCUMENTED, GYMNASIUM)}
+CONVENTIONS = {convention.name: convention for convention in (DOCUMENTED, GYMNASIUM_ROBOTICS)}
 
 
 def get(name: str) -> Convention:
@@ -134,7 +134,7 @@ def settled_state(task_name: str) -> SettledState:
     """
     if task_name not in SETTLED_TASKS:
         raise ValueError(
-            f'The task {task_name!r} has no gymnasium convention; only '
+            f'The task {task_name!r} has no gymnasium_robotics convention; only '
             f'{", ".join(SETTLED_TASKS)} have.'
         )
     state = _FIGURES[task_name]

@@ -49,7 +49,7 @@ class GoalTask(composer.Task):
         reward_type: str = 'sparse',
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         convention: str = 'documented',
-        block_position: Sequence[float] | None = None,
+        object_position: Sequence[float] | None = None,
         goal: Sequence[float] | None = None,
         observation_mode: str = 'features',
         pixels: Mapping | None = None,
@@ -65,8 +65,8 @@ class GoalTask(composer.Task):
             reward_type: 'sparse' or 'dense'.
             max_episode_steps: Control steps after which an episode is truncated; None for
                 episodes that never end.
-            convention: 'documented' or 'gymnasium'.
-            block_position: (2,) x and y in m at which the object starts in every episode.
+            convention: 'documented' or 'gymnasium_robotics'.
+            object_position: (2,) x and y in m at which the object starts in every episode.
             goal: (3,) desired goal in m of every episode.
             observation_mode: 'features' for the vector `observation`, 'pixels' for what cameras
                 see in its place, or 'features+pixels' for both.
@@ -96,7 +96,7 @@ class GoalTask(composer.Task):
         )
 
         self._block_placer, self._goal_sampler = self._build_samplers()
-        self._every_episode = self.check_start(block_position, goal)
+        self._every_episode = self.check_start(object_position, goal)
         self._next_episode = starts.Start()
         self._goal: np.ndarray = np.zeros(3)
         self._steps_taken = 0
@@ -149,7 +149,7 @@ class GoalTask(composer.Task):
 
     def set_next_episode(
         self,
-        block_position: Sequence[float] | None = None,
+        object_position: Sequence[float] | None = None,
         goal: Sequence[float] | None = None,
     ) -> None:
         """Gives the start or the goal of the next episode, and of that one only.
@@ -157,38 +157,39 @@ class GoalTask(composer.Task):
         Whatever is not given is sampled, and is the same as if nothing had been given.
 
         Args:
-            block_position: (2,) x and y of the object in m, on the table.
+            object_position: (2,) x and y of the object in m, on the table.
             goal: (3,) desired goal in m.
 
         Raises:
             ValueError: if a place cannot be; the task is then unchanged.
         """
-        self._next_episode = self.check_start(block_position, goal)
+        self._next_episode = self.check_start(object_position, goal)
 
-    def check_start(self, block_position=None, goal=None) -> starts.Start:
+    def check_start(self, object_position=None, goal=None) -> starts.Start:
         """Returns the given places as a `starts.Start`, with None for what is not given.
 
         Raises:
             ValueError: if a place cannot be.
         """
-        if block_position is not None:
+        if object_position is not None:
             if self.scene.block is None:
-                raise ValueError(f'block_position was given, but {self.name!r} has no object.')
-            block_position = self.workspace.check_block_position(block_position)
-            self._check_clearance(block_position, self.scene.block)
+                raise ValueError(f'object_position was given, but {self.name!r} has no object.')
+            object_position = self.workspace.check_block_position(object_position)
+            self._check_clearance(object_position, self.scene.block)
         if goal is not None:
             goal = self.workspace.check_goal(goal)
-        return starts.Start(block_position, goal)
+        return starts.Start(object_position, goal)
 
-    def _check_clearance(self, block_position: np.ndarray, block: entities.Block) -> None:
+    def _check_clearance(self, object_position: np.ndarray, block: entities.Block) -> None:
         """Raises `ValueError` if an object there would be where a low gripper starts."""
         fingertips = self.grip_start[2] - _FINGERTIP_DEPTH
-        distance = np.linalg.norm(block_position - self.grip_start[:2])
+        distance = np.linalg.norm(object_position - self.grip_start[:2])
         top = self.workspace.table_top + 2 * block.half_height
         if fingertips < top and distance < _GRIPPER_CLEARANCE:
             raise ValueError(
-                f'block_position {block_position.tolist()} is where the gripper starts: it must be '
-                f'at least {_GRIPPER_CLEARANCE} m from {self.grip_start[:2].round(4).tolist()}.'
+                f'object_position {object_position.tolist()} is where the gripper starts: it must '
+                f'be at least {_GRIPPER_CLEARANCE} m from '
+                f'{self.grip_start[:2].round(4).tolist()}.'
             )
 
     def sample_start(
@@ -210,7 +211,7 @@ class GoalTask(composer.Task):
         )
         sources = (given, self._every_episode, drawn)
         return starts.Start(
-            next((s.block_position for s in sources if s.block_position is not None), None),
+            next((s.object_position for s in sources if s.object_position is not None), None),
             next(s.goal for s in sources if s.goal is not None),
             self.variations.draw(random_state),
         )
@@ -220,10 +221,10 @@ class GoalTask(composer.Task):
         state, addresses = self._common_state, self.addresses
         if 'gripper_offset' in start.variations:
             state = self._documented_state(start.variations['gripper_offset'])
-        if start.block_position is not None:
+        if start.object_position is not None:
             qpos = state.qpos.copy()
             block_qpos = qpos[addresses.object_qpos]
-            block_qpos[:2] = start.block_position
+            block_qpos[:2] = start.object_position
             block_qpos[2] += self.variations.raised(start.variations)
             state = dataclasses.replace(state, qpos=qpos)
         return state

@@ -44,7 +44,7 @@ class Workspace:
             ValueError: if they are not two finite numbers on the table.
         """
         centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
-        return _check_place('block_position', position, (centre - half_size)[:2],
+        return _check_place('object_position', position, (centre - half_size)[:2],
                             (centre + half_size)[:2])  # fmt: skip
 
     def check_goal(self, goal: Sequence[float]) -> np.ndarray:

@@ -23,12 +23,12 @@ class Start:
     """What differs between the starts of two episodes.
 
     Attributes:
-        block_position: (2,) x and y in m at which the object starts; None without one.
+        object_position: (2,) x and y in m at which the object starts; None without one.
         goal: (3,) desired goal in m.
         variations: What was drawn for this episode, by name of the variation.
     """
 
-    block_position: np.ndarray | None = None
+    object_position: np.ndarray | None = None
     goal: np.ndarray | None = None
     variations: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 

@@ -17,34 +17,34 @@ from fetch_composer.tasks.scene import Scene
 
 # Name: (sizes of a drawn value, what it is).
 DESCRIPTIONS = {
-    'block_size': ((1, 2, 3), "the object's size in m, as MuJoCo has it, or one number for all"),
-    'block_mass': ((1,), "the object's mass in kg"),
+    'object_size': ((1, 2, 3), "the object's size in m, as MuJoCo has it, or one number for all"),
+    'object_mass': ((1,), "the object's mass in kg"),
     'friction': ((1,), 'sliding coefficient between the object and the table'),
-    'block_color': ((3, 4), "the object's colour, RGB or RGBA in [0, 1]"),
+    'object_color': ((3, 4), "the object's colour, RGB or RGBA in [0, 1]"),
     'light_position': ((3,), 'position in m of the light, which shines on the table'),
     'camera_offset': ((3,), "displacement in m of the arena's cameras"),
     'gripper_offset': ((3,), "displacement in m of the gripper's documented start"),
 }
 NAMES = tuple(DESCRIPTIONS)
 
-_PHYSICAL = frozenset({'block_size', 'block_mass', 'friction'})
+_PHYSICAL = frozenset({'object_size', 'object_mass', 'friction'})
 _POSITIVE = _PHYSICAL
-_NEED_OBJECT = frozenset({'block_size', 'block_mass', 'friction', 'block_color'})
+_NEED_OBJECT = frozenset({'object_size', 'object_mass', 'friction', 'object_color'})
 _NEED_LOOKS = frozenset({'light_position', 'camera_offset'})
 
 # Fields of the compiled model that a variation writes.
 _FIELDS = {
-    'block_size': (
+    'object_size': (
         'geom_size', 'geom_rbound', 'geom_aabb', 'bvh_aabb', 'body_mass', 'body_inertia',
     ),
-    'block_mass': ('body_mass', 'body_inertia'),
+    'object_mass': ('body_mass', 'body_inertia'),
     'friction': ('geom_friction',),
-    'block_color': ('mat_rgba',),
+    'object_color': ('mat_rgba',),
     'light_position': ('light_pos', 'light_dir'),
     'camera_offset': ('cam_pos',),
     'gripper_offset': (),
 }  # fmt: skip
-_NEED_SET_CONST = frozenset({'block_size', 'block_mass'})
+_NEED_SET_CONST = frozenset({'object_size', 'object_mass'})
 
 
 def _inertia(geom_type: int, size: np.ndarray, mass: float) -> np.ndarray:
@@ -87,7 +87,7 @@ class Variations:
                 raise ValueError(f'{name!r} cannot vary: this task has no object.')
         if fixed_start and 'gripper_offset' in self._given:
             raise ValueError(
-                "'gripper_offset' cannot vary in the gymnasium convention, whose start is "
+                "'gripper_offset' cannot vary in the gymnasium_robotics convention, whose start is "
                 'settled; use the documented one.'
             )
 
@@ -152,17 +152,17 @@ class Variations:
 
     def raised(self, values: Mapping[str, np.ndarray]) -> float:
         """Returns by how many m the object's centre rests higher than that of the usual one."""
-        if 'block_size' not in values:
+        if 'object_size' not in values:
             return 0.0
         return float(self._half_extents(values)[2] - _bounds(self._block_type, self._size)[2])
 
     def _block_size(self, values) -> np.ndarray:
-        size, drawn = self._size.copy(), values.get('block_size')
+        size, drawn = self._size.copy(), values.get('object_size')
         used = 3 if self._block_type == mujoco.mjtGeom.mjGEOM_BOX else 2
         if drawn is not None:
             if drawn.size not in (1, used):
                 raise ValueError(
-                    f"'block_size' drew {drawn.tolist()}, but this object has {used} sizes."
+                    f"'object_size' drew {drawn.tolist()}, but this object has {used} sizes."
                 )
             size[:used] = drawn
         return size
@@ -177,21 +177,21 @@ class Variations:
             values: What `draw` returned.
             field: Returns the array of a model's field by name.
         """
-        if 'block_size' in values:
+        if 'object_size' in values:
             size, half_extents = self._block_size(values), self._half_extents(values)
             field('geom_size')[self._block] = size
             field('geom_rbound')[self._block] = np.linalg.norm(half_extents)
             field('geom_aabb')[self._block][3:] = half_extents
             field('bvh_aabb')[self._bounding_volume][3:] = half_extents
-        if 'block_size' in values or 'block_mass' in values:
-            mass = float(values['block_mass'][0]) if 'block_mass' in values else self._mass
+        if 'object_size' in values or 'object_mass' in values:
+            mass = float(values['object_mass'][0]) if 'object_mass' in values else self._mass
             field('body_mass')[self._block_body] = mass
             inertia = _inertia(self._block_type, self._block_size(values), mass)
             field('body_inertia')[self._block_body] = inertia
         if 'friction' in values:
             field('geom_friction')[[self._block, self._table], 0] = values['friction']
-        if 'block_color' in values:
-            colour = values['block_color']
+        if 'object_color' in values:
+            colour = values['object_color']
             field('mat_rgba')[self._material][: colour.size] = colour
         if 'light_position' in values:
             direction = arena.aim(values['light_position'])

@@ -9,13 +9,13 @@ import warnings
 import numpy as np
 import pytest
 
-from fetch_composer.exploration import batch_rollout
+from fetch_composer.explorer.episodes import batch_rollout
 from tests.test_resume import _options as _run_options
 from tests.test_resume import _run, _run_stopped
 
 minari = pytest.importorskip('minari', reason="Minari is not installed: pip install -e '.[minari]'")
 
-from fetch_composer.exploration import minari_dataset  # noqa: E402
+from fetch_composer.explorer.results import minari_dataset  # noqa: E402
 
 pytestmark = pytest.mark.clients
 
@@ -44,7 +44,7 @@ def test_a_dataset_is_replayed_by_the_environment_it_recovers(task_name, convent
         warnings.simplefilter('ignore', DeprecationWarning)  # -v2 beside -v4.
         environment = dataset.recover_environment()
     dense = 'Dense' if reward_type == 'dense' else ''
-    version = {'documented': 'v2', 'gymnasium': 'v4'}[convention]
+    version = {'documented': 'v2', 'gymnasium_robotics': 'v4'}[convention]
     assert environment.spec.id == f'fetch_composer/Fetch{_NAMES[task_name]}{dense}-{version}'
     assert environment.spec.max_episode_steps == 12
     assert dataset.action_space == environment.action_space

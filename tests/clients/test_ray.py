@@ -15,11 +15,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-from fetch_composer.exploration import batch_rollout, store
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.results import store
 
 pytest.importorskip('ray', reason="Ray is not installed: pip install -e '.[ray]'")
 
-from fetch_composer.exploration import ray_rollout  # noqa: E402
+from fetch_composer.explorer.episodes import ray_rollout  # noqa: E402
 
 pytestmark = pytest.mark.clients
 
@@ -114,7 +115,7 @@ import contextlib, os, pathlib, signal, time
 import numpy as np
 import ray
 from ray.cluster_utils import Cluster
-from fetch_composer.exploration import batch_rollout, ray_rollout
+from fetch_composer.explorer.episodes import batch_rollout, ray_rollout
 
 here, run = pathlib.Path.cwd(), ray_rollout._run
 log, hung = here / 'log', here / 'hung'

@@ -14,7 +14,7 @@ from stable_baselines3 import HerReplayBuffer  # noqa: E402
 from stable_baselines3.common import env_checker, vec_env  # noqa: E402
 
 import fetch_composer  # noqa: E402
-from fetch_composer.sb3_env import SB3VecEnv  # noqa: E402
+from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv  # noqa: E402
 from tests import episodes  # noqa: E402
 
 pytestmark = [

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fetch_composer.policies import motion
+from fetch_composer.policies.experts import motion
 
 # Heights of the observed grip site in m. The fingertips are 0.0185 m below it, the block's top
 # is at 0.45 and the table's surface at 0.4.

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fetch_composer.policies import motion
+from fetch_composer.policies.experts import motion
 
 
 class ReachExpert:

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from fetch_composer.exploration import rollout, statistics
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import statistics
 
 _DISTRIBUTIONS = ('fetch_composer', 'dm-control', 'mujoco', 'numpy')
 

@@ -12,9 +12,11 @@ import jinja2
 import numpy as np
 from PIL import Image
 
-from fetch_composer.exploration import charts, compare, rollout, statistics, style, top_view
-from fetch_composer.exploration.candidate import Candidate
-from fetch_composer.exploration.options import Options
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.options import Options
+from fetch_composer.explorer.pictures import charts, style, top_view
+from fetch_composer.explorer.results import compare, statistics
+from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.tasks import scene
 
 MOST_FILMS = 24  # Within the page; more of them stay beside it.

@@ -11,7 +11,7 @@ from collections.abc import Generator, Mapping
 
 import numpy as np
 
-from fetch_composer.policies import motion
+from fetch_composer.policies.experts import motion
 
 # A drag ends within this circle about the shoulder: x, y and radius in m. The arm reaches a
 # little further, but no longer at its full speed.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fetch_composer.policies import motion
+from fetch_composer.policies.experts import motion
 
 # Height of the observed grip site above the block's centre, in m, at which the fingers pass over
 # the block: the fingertips are 0.0185 m below the site, the block's top is 0.025 m above its

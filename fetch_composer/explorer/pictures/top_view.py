@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib import lines as line_marks
 from matplotlib import patches
 
-from fetch_composer.exploration import charts, rollout, style
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import charts, style
 from fetch_composer.tasks import rewards, scene
 
 _MARGIN = 0.05  # m around what is shown: the table, or an episode's ways ...

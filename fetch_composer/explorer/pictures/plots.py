@@ -6,7 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import figure
 
-from fetch_composer.exploration import recording, rollout, style
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import style
+from fetch_composer.explorer.results import recording
 from fetch_composer.tasks import rewards
 
 _SIZE = (9, 7)  # inches

@@ -9,7 +9,8 @@ import matplotlib
 import numpy as np
 from matplotlib import collections, figure, ticker
 
-from fetch_composer.exploration import rollout, style
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import style
 from fetch_composer.tasks import rewards
 
 WIDTH = 5.0  # inches

@@ -21,12 +21,12 @@ from fetch_composer import suite, tasks
 from fetch_composer.batch import BatchEnvironment
 
 NAMESPACE = 'fetch_composer'
-_VERSIONS = {'v2': 'documented', 'v4': 'gymnasium'}
+_VERSIONS = {'v2': 'documented', 'v4': 'gymnasium_robotics'}
 _REWARD_SUFFIXES = {'': 'sparse', 'Dense': 'dense'}
 
 _RENDER_MODES = ('human', 'rgb_array', 'depth_array')
 _FRAMES_PER_SECOND = 25
-_RESET_OPTIONS = ('block_position', 'goal')
+_RESET_OPTIONS = ('object_position', 'goal')
 
 
 def _space(spec) -> spaces.Box:
@@ -149,7 +149,7 @@ class FetchEnv(_GoalFunctions, gymnasium.Env, gymnasium.utils.EzPickle):
 
         Args:
             seed: If given, the episode and those that follow are those of this seed.
-            options: `block_position`, (2,) x and y in m, and `goal`, (3,) in m, where they are
+            options: `object_position`, (2,) x and y in m, and `goal`, (3,) in m, where they are
                 not to be sampled.
 
         Raises:
@@ -271,7 +271,7 @@ class FetchVectorEnv(_GoalFunctions, gymnasium.vector.VectorEnv):
 
         Args:
             seed: If given, environment i is seeded with seed + i; or one seed for each.
-            options: `block_position`, (2,) or (num_envs, 2) in m, and `goal`, (3,) or
+            options: `object_position`, (2,) or (num_envs, 2) in m, and `goal`, (3,) or
                 (num_envs, 3) in m, where they are not to be sampled.
 
         Raises:
@@ -328,8 +328,8 @@ def register() -> None:
             for convention in _VERSIONS.values():
                 gymnasium.register(
                     id=env_id(task, convention, reward_type),
-                    entry_point='fetch_composer.gymnasium_env:FetchEnv',
-                    vector_entry_point='fetch_composer.gymnasium_env:FetchVectorEnv',
+                    entry_point='fetch_composer.interfaces.gymnasium_env:FetchEnv',
+                    vector_entry_point='fetch_composer.interfaces.gymnasium_env:FetchVectorEnv',
                     max_episode_steps=tasks.MAX_EPISODE_STEPS,
                     kwargs={'task': task, 'reward_type': reward_type, 'convention': convention},
                 )

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from fetch_composer.exploration import rollout, statistics
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import statistics
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fetch_composer.exploration import rollout
+from fetch_composer.explorer.episodes import episode as rollout
 
 _TOLERANCE = 1e-9  # m, rad; batch and single environment agree to within rounding.
 

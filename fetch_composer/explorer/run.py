@@ -12,18 +12,12 @@ import tqdm
 
 import fetch_composer
 from fetch_composer import policies
-from fetch_composer.exploration import (
-    batch_rollout,
-    compare,
-    filming,
-    plots,
-    recording,
-    rendering,
-    report,
-    store,
-)
-from fetch_composer.exploration.candidate import Candidate
-from fetch_composer.exploration.options import Options, file_name
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.options import Options, file_name
+from fetch_composer.explorer.pictures import filming, plots, rendering
+from fetch_composer.explorer.report import page as report
+from fetch_composer.explorer.results import compare, recording, store
+from fetch_composer.explorer.results.candidate import Candidate
 
 __all__ = ('Options', 'Run', 'Written')
 
@@ -182,7 +176,7 @@ class Run:
         if self.options.ray is None or bar.n == bar.total:
             yield batch_rollout.BatchRollout
             return
-        from fetch_composer.exploration import ray_rollout
+        from fetch_composer.explorer.episodes import ray_rollout
 
         bar.set_description(f'Ray, {self.options.ray}')
         with ray_rollout.cluster(self.options.ray) as rollouts:
@@ -340,7 +334,7 @@ class Run:
     def _write_dataset(self) -> list[Written]:
         if self.options.dataset is None:
             return []
-        from fetch_composer.exploration import minari_dataset
+        from fetch_composer.explorer.results import minari_dataset
 
         (candidate,) = self.candidates
         folder = minari_dataset.save(

@@ -23,8 +23,11 @@ except ImportError as error:
         f"--dataset needs {error.name}: pip install 'fetch_composer[minari]'."
     ) from error
 
-from fetch_composer import gymnasium_env, tasks
-from fetch_composer.exploration import batch_rollout, recording, rollout
+from fetch_composer import tasks
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import recording
+from fetch_composer.interfaces import gymnasium_env
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
 _REQUIREMENTS = ('fetch_composer', 'mujoco')

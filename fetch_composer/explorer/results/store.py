@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 import fetch_composer
-from fetch_composer.exploration import recording, rollout
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import recording
 
 try:
     import fcntl

@@ -10,7 +10,9 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from fetch_composer.exploration import recording, rollout, style
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import style
+from fetch_composer.explorer.results import recording
 
 # A film's pixels are coded in blocks of two by two.
 _WIDTHS = (64, 3840)

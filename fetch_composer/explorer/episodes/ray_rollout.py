@@ -23,7 +23,9 @@ except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
 from fetch_composer import batch, policies
-from fetch_composer.exploration import batch_rollout, recording, rollout, store
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.results import recording, store
 
 LOCAL = 'local'
 

@@ -2,7 +2,8 @@
 
 import dataclasses
 
-from fetch_composer.exploration import filming, rollout
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import filming
 
 
 @dataclasses.dataclass

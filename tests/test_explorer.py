@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer.exploration import recording, rendering, rollout
-from fetch_composer.exploration import run as run_lib
+from fetch_composer.explorer import run as run_lib
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.pictures import rendering
+from fetch_composer.explorer.results import recording
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _EXPLORE = str(_ROOT / 'explore.py')
@@ -250,7 +252,10 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
     [
         ({'task': 'pusch'}, r"Unknown task 'pusch'; valid are .*push"),
         ({'policy': 'exprt'}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
-        ({'convention': 'v1'}, r"Unknown convention 'v1'; valid are documented, gymnasium"),
+        (
+            {'convention': 'v1'},
+            r"Unknown convention 'v1'; valid are documented, gymnasium_robotics",
+        ),
         ({'reward_type': 'shaped'}, r"Unknown reward_type 'shaped'; valid are sparse, dense"),
         ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
         ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
@@ -303,7 +308,7 @@ def test_a_missing_extra_is_named_with_the_way_to_install_it(tmp_path):
 def test_the_package_itself_needs_no_extra():
     code = (
         'import sys, fetch_composer, fetch_composer.policies\n'
-        'needless = {"fetch_composer.exploration", "imageio", "matplotlib", "tqdm", "PIL"}\n'
+        'needless = {"fetch_composer.explorer", "imageio", "matplotlib", "tqdm", "PIL"}\n'
         'assert not needless & set(sys.modules), needless & set(sys.modules)'
     )
     subprocess.run([sys.executable, '-c', code], env=_environment(MUJOCO_GL='off'), check=True)

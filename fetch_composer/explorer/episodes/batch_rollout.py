@@ -17,7 +17,7 @@ from dm_env import specs
 
 from fetch_composer import policies, tasks
 from fetch_composer.batch import BatchEnvironment
-from fetch_composer.exploration import rollout
+from fetch_composer.explorer.episodes import episode as rollout
 
 # A batch of one rounds its observations differently; from two on, all are equal to the bit.
 _FEWEST = 2
@@ -30,7 +30,7 @@ class EpisodeOptions:
     Attributes:
         task: Name of the task.
         policy: Name of the policy, its file, or its code; see `policies.load`.
-        convention: 'documented' or 'gymnasium'.
+        convention: 'documented' or 'gymnasium_robotics'.
         reward_type: 'sparse' or 'dense'.
         max_episode_steps: Control steps of an episode.
         trust_pickle: Whether code within a policy's file may run.

@@ -5,7 +5,8 @@ import pathlib
 import re
 from collections.abc import Sequence
 
-from fetch_composer.exploration import batch_rollout, filming, rendering
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.pictures import filming, rendering
 
 _UNFIT_FOR_A_NAME = re.compile(r'[^A-Za-z0-9._-]+')
 _LONGEST_NAME = 40
@@ -20,7 +21,7 @@ class Options:
         policy: The policies to run (see `policies.load`); several are compared on the same seeds.
         episodes: Number of episodes of each.
         seed: Seed of the first episode; each has the next one.
-        convention: 'documented' or 'gymnasium'.
+        convention: 'documented' or 'gymnasium_robotics'.
         reward_type: 'sparse' or 'dense'.
         max_episode_steps: Control steps of an episode.
         num_envs: How many episodes run at a time; it changes none of them.
@@ -72,11 +73,11 @@ class Options:
         filming.check_choice(self.films)
         rendering.check_film_format(self.width, self.height, self.fps)
         if self.ray is not None:
-            from fetch_composer.exploration import ray_rollout
+            from fetch_composer.explorer.episodes import ray_rollout
 
             ray_rollout.check_address(self.ray)
         if self.dataset is not None:
-            from fetch_composer.exploration import minari_dataset
+            from fetch_composer.explorer.results import minari_dataset
 
             if len(self.policy) > 1:
                 raise ValueError('dataset is of one policy; give a single --policy.')

@@ -7,7 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from PIL import Image
 
-from fetch_composer.exploration import recording, rendering, replay, rollout
+from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes import replay
+from fetch_composer.explorer.pictures import rendering
+from fetch_composer.explorer.results import recording
 
 CHOICES = ('worst', 'best', 'first', 'all', 'none')
 

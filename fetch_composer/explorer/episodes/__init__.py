@@ -1,0 +1,1 @@
+"""Episodes of a policy: how they are run, and run again."""

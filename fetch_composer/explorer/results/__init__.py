@@ -1,0 +1,1 @@
+"""What a run keeps and writes: files, figures and how sure they are."""

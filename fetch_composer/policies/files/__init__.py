@@ -1,0 +1,1 @@
+"""Policies that the user brings: ONNX networks, zips of Stable-Baselines3, and code."""

@@ -1,0 +1,70 @@
+"""What a policy is, and what it may know of the environment that it acts in."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from dm_env import specs
+
+
+class ActionError(ValueError):
+    """A policy's action does not fit the environment."""
+
+
+class Policy(Protocol):
+    """What chooses actions."""
+
+    def reset(self) -> None:
+        """Forgets the episode so far; call it at the start of each."""
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns an action, (4,) float32 in [-1, 1], for an environment's observation."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PolicyContext:
+    """What a policy may know of its environment: names and specs, and nothing of the simulation.
+
+    Attributes:
+        task_name: Name of the task.
+        convention: 'documented' or 'gymnasium_robotics'.
+        action_spec: Spec of an action.
+        observation_spec: Specs of an observation, by name.
+    """
+
+    task_name: str
+    convention: str
+    action_spec: specs.BoundedArray
+    observation_spec: Mapping[str, specs.Array]
+
+    @classmethod
+    def of(cls, env) -> 'PolicyContext':
+        """Returns the context of a single environment, as `fetch_composer.load` returns it."""
+        return cls(
+            env.task.name, env.task.convention.name, env.action_spec(), env.observation_spec()
+        )
+
+
+def check_action(
+    policy: Policy, observation: Mapping[str, np.ndarray], context: PolicyContext
+) -> None:
+    """Lets a policy act once; its action must fit the environment.
+
+    Args:
+        policy: A policy of its own, since it is reset and acts once.
+        observation: An observation of the environment.
+        context: What is known of the environment.
+
+    Raises:
+        ActionError: if the action does not fit; the message says why.
+    """
+    policy.reset()
+    action = np.asarray(policy({name: value.copy() for name, value in observation.items()}))
+    needed = context.action_spec.shape
+    if action.shape != needed:
+        raise ActionError(
+            f'The policy gives an action of shape {action.shape}; {needed} is needed.'
+        )
+    if action.dtype.kind not in 'fiu':
+        raise ActionError(f'The policy gives an action of {action.dtype}; floats are needed.')
