@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from typing import Any
 
 import dm_env
 import mujoco
@@ -10,10 +11,9 @@ import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import tasks
-from fetch_composer.environment import Environment, SeededRandomState
-from fetch_composer.tasks import actions as actions_lib
-from fetch_composer.tasks import goal_task, observation, rewards, starts
+from fetch_composer import seeding, tasks
+from fetch_composer.environment import Environment
+from fetch_composer.tasks import checks, drive, observation, rewards, starts
 
 
 def num_processors() -> int:
@@ -39,7 +39,7 @@ class BatchEnvironment:
         task: str,
         num_envs: int,
         num_threads: int | None = None,
-        seed: int | Sequence[int | None] | None = None,
+        seed=None,
         **task_kwargs,
     ) -> None:
         """Initializes the batch.
@@ -49,61 +49,53 @@ class BatchEnvironment:
             num_envs: How many environments, at least 1.
             num_threads: Threads that share them; by default one for each processor.
             seed: As for the method `seed`.
-            **task_kwargs: Options of the task; see `tasks.GoalTask`.
+            **task_kwargs: Options of the task; see `tasks.TaskOptions`.
 
         Raises:
             ValueError: if a name, an option or a number is not valid; the message says what is.
         """
-        self._num_envs = _check_count('num_envs', num_envs)
+        self._num_envs = checks.integer('num_envs', num_envs, 1)
         if num_threads is None:
-            num_threads = min(num_processors(), num_envs)
-        self._num_threads = _check_count('num_threads', num_threads)
-        if num_threads > num_envs:
+            num_threads = min(num_processors(), self._num_envs)
+        self._num_threads = checks.integer('num_threads', num_threads, 1)
+        if self._num_threads > self._num_envs:
             raise ValueError(
                 f'num_threads ({num_threads}) must not exceed num_envs ({num_envs}): '
                 'a thread without an environment has nothing to do.'
             )
-        self._task = tasks.make(task, **task_kwargs)
-        if set(self._task.task_observables) != {'observation', 'achieved_goal', 'desired_goal'}:
+        # The task of a simulation that is none of the batch's: it compiles the model, and says
+        # where episodes start.
+        task_made = tasks.make(task, **task_kwargs)
+        self._task_name, self._options = task_made.name, task_made.options
+        if set(task_made.task_observables) != {'observation', 'achieved_goal', 'desired_goal'}:
             raise ValueError(
                 "A batch renders no pictures: use observation_mode='features', or single "
                 'environments.'
             )
-        # Nobody sees a batch, and what can be seen takes time as well.
-        self._task.scene.remove_looks(cameras=not self._task.variations.vary_looks)
-        # The single environment compiles the model and has the specs.
-        self._single = Environment(self._task, random_state=0)
-        self._addresses = self._task.addresses
-        model = self._single.physics.model.ptr
-        self._sims = mujoco.batch.Batch(model, num_envs, nthread=num_threads)
-        self._bind(model)
-        self.seed(seed)
-        self._goals = np.zeros((num_envs, 3))
-        self._steps_taken = np.zeros(num_envs, dtype=np.int64)
-        self._reset_next_step: np.ndarray = np.ones(num_envs, dtype=bool)
-
-    def _bind(self, model: mujoco.MjModel) -> None:
-        """Keeps live arrays over what the batch reads and writes."""
-        sims, addresses = self._sims, self._addresses
-        self._qpos, self._qvel = sims.bind('qpos'), sims.bind('qvel')
-        self._mocap_position = sims.bind('mocap_pos')[:, addresses.mocap]
-        self._mocap_quaternion = sims.bind('mocap_quat')[:, addresses.mocap]
-        self._control = sims.bind('ctrl')
-        # What varies in each environment; nothing is seen of the rest, for want of pictures.
-        varied = self._task.variations.fields(physical_only=True)
-        self._fields = {name: sims.expand(name) for name in varied}
-        self._gripper_position = sims.bind('xpos')[:, addresses.gripper_link]
-        self._gripper_quaternion = sims.bind('xquat')[:, addresses.gripper_link]
+        # A batch draws no pictures, and what can be seen takes time as well.
+        task_made.scene.remove_looks(cameras=not task_made.variations.vary_looks)
+        self._compiled = Environment(task_made, random_state=0)
+        self._is_closed = False
+        self._starts, self._variations = task_made.starts, task_made.variations
+        self._substeps = task_made.physics_steps_per_control_step
+        model, addresses = self._compiled.physics.model.ptr, task_made.addresses
+        self._sims = sims = mujoco.batch.Batch(model, self._num_envs, nthread=self._num_threads)
+        self._varied = self._variations.fields(sims.expand, physical_only=True)
+        self._drive = drive.Drive(
+            sims.bind, addresses, task_made.convention, task_made.locked_gripper
+        )
         self._observer = observation.BatchObserver(
             model,
             sims,
             addresses,
-            control_timestep=goal_task.CONTROL_TIMESTEP,
-            block_minus_gripper=self._task.convention.block_minus_gripper,
+            task_made.control_timestep,
+            task_made.convention.object_minus_gripper,
         )
-        current = self._task.observes_current_state
-        stages = mujoco.mjtStage
-        self._stage = stages.mjSTAGE_POS if current else stages.mjSTAGE_NONE
+        self.seed(seed)
+        self._goals = np.zeros((self._num_envs, 3))
+        self._steps_taken = np.zeros(self._num_envs, dtype=np.int64)
+        self._step_type: np.ndarray = np.full(self._num_envs, dm_env.StepType.LAST)
+        self._reset_next_step: np.ndarray = np.ones(self._num_envs, dtype=bool)
 
     @property
     def num_envs(self) -> int:
@@ -116,92 +108,103 @@ class BatchEnvironment:
         return self._num_threads
 
     @property
-    def task(self) -> tasks.GoalTask:
-        """The task that all environments have in common."""
-        return self._task
+    def task_name(self) -> str:
+        """Name of the task."""
+        return self._task_name
 
-    def seed(self, seed: int | Sequence[int | None] | None) -> None:
+    @property
+    def options(self) -> tasks.TaskOptions:
+        """The options of the task."""
+        return self._options
+
+    @property
+    def convention(self) -> str:
+        """Name of the convention."""
+        return self._options.convention
+
+    def seed(self, seed) -> None:
         """Seeds every environment anew; its current episode goes on.
 
         Args:
             seed: Seed of the first environment, after which the others' count up; or one seed
                 for each; or None for entropy.
-        """
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self._num_envs)]
-        else:
-            seeds = list(seed)
-            if len(seeds) != self._num_envs:
-                raise ValueError(f'{self._num_envs} seeds are needed, got {len(seeds)}.')
-        self._random_states = [SeededRandomState(each) for each in seeds]
-
-    def reset(self, object_position=None, goal=None) -> dm_env.TimeStep:
-        """Starts a new episode in every environment.
-
-        Args:
-            object_position: (2,) or (num_envs, 2) x and y in m at which objects start.
-            goal: (3,) or (num_envs, 3) desired goals in m.
 
         Raises:
-            ValueError: if a place cannot be; nothing has changed.
+            ValueError: if a seed is not a non-negative integer or None, or if there is not one
+                for each environment; nothing has changed.
         """
-        return self.start_episodes(self.check_starts(object_position, goal))
+        seeds = seeding.seeds_of_many(seed, self._num_envs)
+        self._random_states = [seeding.SeededRandomState(each) for each in seeds]
 
-    def check_starts(self, object_position=None, goal=None) -> list[starts.Start]:
-        """Returns the given places for each environment; see `reset`."""
-        return [
-            self._task.check_start(*each)
+    def reset(self, ids=None, object_position=None, goal=None, seed=None) -> dm_env.TimeStep:
+        """Starts a new episode in every environment, or in some.
+
+        Args:
+            ids: Indices of the environments, or a mask of shape (num_envs,); None for all.
+            object_position: (2,) x and y in m at which objects start, or (n, 2) for n ids.
+            goal: (3,) desired goal in m, or (n, 3) for n ids.
+            seed: If given, what `seed` is called with first; it seeds every environment.
+
+        Returns:
+            A time step of all environments. Those that were not reset have the observation and
+            the step type that they had, and reward 0.
+
+        Raises:
+            ValueError: if an id, a place or a seed is not valid; nothing has changed.
+        """
+        self._check_open()
+        ids = self._check_ids(ids)
+        given = [
+            self._starts.check(*each)
             for each in zip(
-                self._each('object_position', object_position, 2),
-                self._each('goal', goal, 3),
+                _each('object_position', object_position, len(ids), 2),
+                _each('goal', goal, len(ids), 3),
                 strict=True,
             )
         ]
+        if seed is not None:
+            self.seed(seed)
+        self._start_episodes(ids, given)
+        return self._time_step(np.zeros(self._num_envs, dtype=bool))
 
-    def start_episodes(self, given: Sequence[starts.Start]) -> dm_env.TimeStep:
-        """Starts a new episode in every environment from what `check_starts` returned."""
-        self._start_episodes(np.arange(self._num_envs), given)
-        return self._time_step(np.full(self._num_envs, dm_env.StepType.FIRST))
-
-    def _each(self, name: str, places, size: int) -> list:
-        """Returns one place, or None, for each environment."""
-        if places is None:
-            return [None] * self._num_envs
-        array = np.asarray(places, dtype=np.float64)
-        if array.shape not in ((size,), (self._num_envs, size)):
+    def _check_ids(self, ids) -> np.ndarray:
+        """Returns indices of environments; see `reset`."""
+        if ids is None:
+            return np.arange(self._num_envs)
+        array = np.asarray(ids)
+        if array.shape == (self._num_envs,) and array.dtype == bool:
+            return np.flatnonzero(array)
+        valid = array.ndim == 1 and (array.dtype.kind in 'iu' or not array.size)
+        if valid and array.size:
+            valid = array.min() >= 0 and array.max() < self._num_envs
+            valid = valid and len(np.unique(array)) == len(array)
+        if not valid:
             raise ValueError(
-                f'{name} must have shape ({size},) or ({self._num_envs}, {size}), '
-                f'got {array.shape}.'
+                f'ids must be distinct integers from 0 to {self._num_envs - 1}, or a mask of '
+                f'{self._num_envs} booleans; got {ids!r}.'
             )
-        return list(np.broadcast_to(array, (self._num_envs, size)))
+        return array.astype(np.int64)
 
     def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
         drawn = [
-            self._task.sample_start(self._random_states[i], each)
+            self._starts.draw(self._random_states[i], each)
             for i, each in zip(ids, given, strict=True)
         ]
-        states = [self._task.start_state(start) for start in drawn]
-        self._vary(ids, drawn)
+        states = [self._starts.state(start) for start in drawn]
+        if self._varied:
+            for i, start in zip(ids, drawn, strict=True):
+                self._variations.write(start.variations, self._varied, i)
+            if self._variations.need_set_const:
+                self._sims.set_const(ids)
         self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[ids] = [state.qpos for state in states]
-        self._qvel[ids] = [state.qvel for state in states]
-        self._mocap_position[ids] = [state.mocap_position for state in states]
-        self._mocap_quaternion[ids] = [state.mocap_quaternion for state in states]
+        for i, state in zip(ids, states, strict=True):
+            self._drive.place(state, i)
         self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
-        self._goals[ids] = [start.goal for start in drawn]
+        if len(ids):
+            self._goals[ids] = [start.goal for start in drawn]
+        self._step_type[ids] = dm_env.StepType.FIRST
         self._steps_taken[ids] = 0
         self._reset_next_step[ids] = False
-
-    def _vary(self, ids: np.ndarray, drawn: Sequence[starts.Start]) -> None:
-        """Gives environments the physics that was drawn for them."""
-        if not self._fields:
-            return
-        for i, start in zip(ids, drawn, strict=True):
-            physical = self._task.variations.physical(start.variations)
-            row = {name: field[i] for name, field in self._fields.items()}
-            self._task.variations.write(physical, row.__getitem__)
-        if self._task.variations.need_set_const:
-            self._sims.set_const(ids)
 
     def step(self, actions) -> dm_env.TimeStep:
         """Advances every environment by one control step.
@@ -217,63 +220,50 @@ class BatchEnvironment:
             ValueError: if an action is not valid; no environment has moved.
             PhysicsError: if the physics of an environment diverges; the message names which.
         """
-        actions = actions_lib.clip(actions, (self._num_envs,))
-        finished = self._reset_next_step
-        if finished.any():
-            ids = np.flatnonzero(finished)
-            running = np.flatnonzero(~finished)
-            self._start_episodes(ids, [starts.Start()] * len(ids))
-            if len(running):
-                self._advance(actions, running)
-            first = np.zeros(self._num_envs, dtype=bool)
-            first[ids] = True
-        else:
+        self._check_open()
+        actions = drive.clip(actions, (self._num_envs,))
+        running = ~self._reset_next_step
+        if running.all():
             self._advance(actions, None)
-            first = None
-        limit = self._task.max_episode_steps
-        step_type = np.full(self._num_envs, dm_env.StepType.MID)
-        if limit is not None:
-            self._reset_next_step = self._steps_taken >= limit
-            step_type[self._reset_next_step] = dm_env.StepType.LAST
-        if first is not None:
-            step_type[first] = dm_env.StepType.FIRST
-        return self._time_step(step_type)
+        else:
+            finished, ids = np.flatnonzero(~running), np.flatnonzero(running)
+            self._start_episodes(finished, [starts.Start()] * len(finished))
+            if len(ids):
+                self._advance(actions[ids], ids)
+        return self._time_step(running)
 
     def _advance(self, actions: np.ndarray, ids: np.ndarray | None) -> None:
         """Advances some environments; None for all, which needs no copies."""
-        rows = slice(None) if ids is None else ids
-        displacement = actions[rows, :3] * actions_lib.METRES_PER_UNIT
-        self._mocap_position[rows] = self._gripper_position[rows] + displacement
-        if self._task.convention.additive_rotation:
-            self._mocap_quaternion[rows] = (
-                self._gripper_quaternion[rows] + actions_lib.ADDED_ROTATION
-            )
-        if not self._task.locked_gripper:
-            fingers = self._qpos[rows][:, self._addresses.finger_qpos]
-            self._control[rows] = fingers + actions[rows, 3:]
-        substeps = self._task.physics_steps_per_control_step
-        if self._task.loose_fingers:
-            self._sims.step(ids, nstep=substeps)
-            if ids is None:
-                self._qpos[:, self._addresses.finger_qpos] = 0
-            else:
-                self._qpos[ids[:, np.newaxis], self._addresses.finger_qpos] = 0
-            self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+        rows: Any = ... if ids is None else ids
+        self._drive.act(actions, rows)
+        stage = mujoco.mjtStage.mjSTAGE_NONE
+        if self._drive.observes_current_state:
+            stage = mujoco.mjtStage.mjSTAGE_POS
+        if self._drive.loose_fingers:
+            self._sims.step(ids, nstep=self._substeps)
+            self._drive.relock(rows)
+            self._sims.forward(ids, stage=stage)
         else:
-            self._sims.step(ids, nstep=substeps, stage=self._stage)
+            self._sims.step(ids, nstep=self._substeps, stage=stage)
         self._steps_taken[rows] += 1
+        self._step_type[rows] = dm_env.StepType.MID
+        limit = self._options.max_episode_steps
+        if limit is not None:
+            self._reset_next_step = self._steps_taken >= limit
+            self._step_type[self._reset_next_step] = dm_env.StepType.LAST
         warnings = self._sims.warning[..., 1]  # How often each kind was raised.
         if warnings.any():
             diverged = np.flatnonzero(warnings.any(axis=-1)).tolist()
             warnings[:] = 0
             raise control.PhysicsError(f'Physics diverged in environments {diverged}.')
 
-    def _time_step(self, step_type: np.ndarray) -> dm_env.TimeStep:
+    def _time_step(self, advanced: np.ndarray) -> dm_env.TimeStep:
+        """Returns a time step; environments that have not advanced get no reward."""
         achieved_goal = self._observer.achieved_goal()
-        reward = rewards.compute_reward(achieved_goal, self._goals, self._task.reward_type)
-        reward[step_type == dm_env.StepType.FIRST] = 0
+        reward = rewards.compute_reward(achieved_goal, self._goals, self._options.reward_type)
+        reward[~advanced] = 0
         return dm_env.TimeStep(
-            step_type=step_type,
+            step_type=self._step_type.copy(),
             reward=reward,
             discount=np.ones(self._num_envs),
             observation={
@@ -285,11 +275,11 @@ class BatchEnvironment:
 
     def single_action_spec(self) -> specs.BoundedArray:
         """Returns the spec of one environment's action, shape (4,)."""
-        return self._single.action_spec()
+        return self._compiled.action_spec()
 
     def single_observation_spec(self) -> dict[str, specs.Array]:
         """Returns the specs of one environment's observations."""
-        return self._single.observation_spec()
+        return self._compiled.observation_spec()
 
     def action_spec(self) -> specs.BoundedArray:
         """Returns the spec of `step`'s argument, shape (num_envs, 4)."""
@@ -302,19 +292,31 @@ class BatchEnvironment:
 
     def reward_spec(self) -> specs.Array:
         """Returns the spec of a time step's reward, shape (num_envs,)."""
-        return self._batched(self._single.reward_spec())
+        return self._batched(self._compiled.reward_spec())
 
     def discount_spec(self) -> specs.Array:
         """Returns the spec of a time step's discount, shape (num_envs,)."""
-        return self._batched(self._single.discount_spec())
+        return self._batched(self._compiled.discount_spec())
 
     def _batched(self, spec: specs.Array) -> specs.Array:
         return spec.replace(shape=(self._num_envs, *spec.shape))
 
     def close(self) -> None:
-        """Frees the simulations; the batch cannot be used afterwards."""
-        self._single.close()
-        del self._sims
+        """Frees the simulations; closing twice does no harm, and nothing else works afterwards."""
+        if not self._is_closed:
+            self._compiled.close()
+            del self._sims, self._drive, self._observer, self._varied
+            self._is_closed = True
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise RuntimeError('This batch is closed; make another.')
+
+    def __reduce_ex__(self, protocol):
+        raise TypeError(
+            'A batch holds live simulations and cannot be copied or pickled: make another one in '
+            'its place, with the same arguments and seed.'
+        )
 
     def __enter__(self) -> 'BatchEnvironment':
         return self
@@ -323,7 +325,16 @@ class BatchEnvironment:
         self.close()
 
 
-def _check_count(name: str, count: int) -> int:
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-        raise ValueError(f'{name} must be a positive integer, got {count!r}.')
-    return int(count)
+def _each(name: str, places, count: int, size: int) -> list:
+    """Returns one place, or None, for each of `count` environments."""
+    if places is None:
+        return [None] * count
+    try:
+        array = np.asarray(places, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.array(np.nan)
+    if array.shape not in ((size,), (count, size)):
+        raise ValueError(
+            f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {places!r}.'
+        )
+    return list(np.broadcast_to(array, (count, size)))

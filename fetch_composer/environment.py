@@ -9,32 +9,11 @@ from absl import logging
 from dm_control import composer
 from dm_control.composer.observation import updater
 from dm_control.rl import control
+from dm_env import specs
+
+from fetch_composer import seeding
 
 _WARNINGS = tuple(mujoco.mjtWarning.__members__)
-
-
-class SeededRandomState(np.random.RandomState):
-    """`RandomState` over the generator, seeded in the way, that Gymnasium uses.
-
-    Its uniform draws are those of `gymnasium.utils.seeding.np_random(seed)`.
-    """
-
-    def __init__(self, seed=None) -> None:
-        """Initializes the generator.
-
-        Args:
-            seed: A non-negative integer, or None for entropy from the operating system.
-        """
-        super().__init__(np.random.PCG64(np.random.SeedSequence(seed)))
-
-    def get_state(self, legacy: bool = False):
-        """Returns the state as a dict, since this generator has no legacy form."""
-        del legacy  # Unused.
-        return super().get_state(legacy=False)
-
-
-def _random_state(seed) -> np.random.RandomState:
-    return seed if isinstance(seed, np.random.RandomState) else SeededRandomState(seed)
 
 
 class Environment(composer.Environment):
@@ -50,21 +29,39 @@ class Environment(composer.Environment):
 
     _reset_next_step: bool
 
-    def __init__(self, task: composer.Task, random_state=None, **kwargs) -> None:
+    def __init__(
+        self,
+        task: composer.Task,
+        random_state=None,
+        control_timestep: float | None = None,
+        flat_observation: bool = False,
+        **kwargs,
+    ) -> None:
         """Initializes the environment.
 
         Args:
             task: The task.
             random_state: As for the method `seed`.
+            control_timestep: Seconds between two actions; None leaves them to the task.
+            flat_observation: Whether to observe one vector, `observations`, in place of a
+                dictionary: its values in their order, as dm_control's suite has it.
             **kwargs: Further arguments of `composer.Environment`.
+
+        Raises:
+            ValueError: if the seed or the control timestep is not valid.
         """
+        if control_timestep is not None:
+            task.control_timestep = control_timestep
+        self._flat_observation = flat_observation
+        self._is_closed = False
         kwargs = {
             'strip_singleton_obs_buffer_dim': True,
             'recompile_mjcf_every_episode': False,
             'legacy_step': False,
             **kwargs,
         }
-        super().__init__(task, random_state=_random_state(random_state), **kwargs)
+        super().__init__(task, random_state=seeding.random_state(random_state), **kwargs)
+        self._task.random = self._random_state
 
     def seed(self, seed) -> None:
         """Seeds the episodes that follow; the current one goes on.
@@ -73,13 +70,52 @@ class Environment(composer.Environment):
             seed: A non-negative integer, a `numpy.random.RandomState` to draw from, or None for
                 entropy.
         """
-        self._random_state = _random_state(seed)
+        self._random_state = self._task.random = seeding.random_state(seed)
+        self._fixed_random_state = self._random_state.get_state(legacy=False)
+
+    def reset(self) -> dm_env.TimeStep:
+        """Starts an episode.
+
+        Raises:
+            RuntimeError: if the environment is closed.
+        """
+        if self._is_closed:
+            raise RuntimeError('This environment is closed; load another.')
+        return super().reset()
+
+    def close(self) -> None:
+        """Frees the simulation; closing twice does no harm."""
+        if not self._is_closed:
+            self._is_closed = self._reset_next_step = True
+            super().close()
+
+    def __reduce_ex__(self, protocol):
+        raise TypeError(
+            'An environment holds a live simulation and cannot be copied or pickled: load another '
+            'one in its place, with fetch_composer.load(...) and the same seed.'
+        )
+
+    def observation_spec(self):
+        """Returns the specs of an observation, by name."""
+        spec = super().observation_spec()
+        if not self._flat_observation:
+            return spec
+        size = sum(int(np.prod(each.shape)) for each in spec.values())
+        dtype = np.result_type(*(each.dtype for each in spec.values()))
+        name = control.FLAT_OBSERVATION_KEY
+        return collections.OrderedDict({name: specs.Array((size,), dtype, name)})
+
+    def _flattened(self, time_step: dm_env.TimeStep) -> dm_env.TimeStep:
+        if not self._flat_observation:
+            return time_step
+        return time_step._replace(observation=control.flatten_observation(time_step.observation))
 
     def _reset_attempt(self) -> dm_env.TimeStep:
+        self._reset_next_step = True  # Until the episode has started.
         time_step = super()._reset_attempt()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._observers = self._plain_observers()
-        return time_step
+        return self._flattened(time_step)
 
     def _plain_observers(self):
         """Returns pairs of name and callable; None if an observable lives within the step."""
@@ -118,8 +154,10 @@ class Environment(composer.Environment):
         Raises:
             ValueError: if the action has another shape or is not finite; nothing has changed.
         """
-        if self._reset_next_step or self._observers is None or self._runs_within_step():
-            return super().step(action)
+        if self._reset_next_step:
+            return self.reset()
+        if self._observers is None or self._runs_within_step():
+            return self._flattened(super().step(action))
 
         physics, task, random_state = self._physics_proxy, self._task, self._random_state
         self._hooks.before_step(physics, action, random_state)
@@ -135,7 +173,8 @@ class Environment(composer.Environment):
         )
         self._reset_next_step = bool(last)
         step_type = dm_env.StepType.LAST if last else dm_env.StepType.MID
-        return dm_env.TimeStep(step_type, reward, discount, observation)
+        time_step = dm_env.TimeStep(step_type, reward, discount, observation)
+        return self._flattened(time_step) if self._flat_observation else time_step
 
     def _advance(self) -> bool:
         """Advances the physics by a control step; returns whether it has diverged."""

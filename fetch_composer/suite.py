@@ -1,7 +1,9 @@
 """The `fetch` domain: its tasks by name, loaded as dm_control's own suite loads them."""
 
 import functools
+import sys
 
+from dm_control import suite as dm_suite
 from dm_control.utils import containers
 
 from fetch_composer import tasks
@@ -12,15 +14,14 @@ SUITE = containers.TaggedTasks()
 
 
 def _make(task_name: str, random=None, environment_kwargs=None, **task_kwargs) -> Environment:
-    task = tasks.make(task_name, **task_kwargs)
-    return Environment(task, random_state=random, **(environment_kwargs or {}))
-
-
-for _task_name in tasks.ALL:
-    _factory = functools.partial(_make, _task_name)
-    functools.update_wrapper(_factory, _make)
-    _factory.__name__ = _task_name  # type: ignore[attr-defined]
-    SUITE.add('goal')(_factory)
+    environment_kwargs = dict(environment_kwargs or {})
+    if 'random_state' in environment_kwargs and random is not None:
+        raise ValueError(
+            "The seed is given twice: as the task's `random` (or `seed`), and as `random_state` in "
+            'environment_kwargs. Give the first alone.'
+        )
+    environment_kwargs.setdefault('random_state', random)
+    return Environment(tasks.make(task_name, **task_kwargs), **environment_kwargs)
 
 
 def load(
@@ -35,9 +36,10 @@ def load(
     Args:
         domain_name: 'fetch'.
         task_name: One of `fetch_composer.ALL`.
-        task_kwargs: Options of the task (see `tasks.GoalTask`), and `random`: a seed or a
+        task_kwargs: Options of the task (see `tasks.TaskOptions`), and `random`: a seed or a
             `numpy.random.RandomState`.
-        environment_kwargs: Options of the environment (see `composer.Environment`).
+        environment_kwargs: Options of the environment (see `Environment`), such as
+            `flat_observation`.
         visualize_reward: Whether the target changes colour while the goal is achieved.
 
     Raises:
@@ -48,3 +50,27 @@ def load(
     env = _make(task_name, environment_kwargs=environment_kwargs, **(task_kwargs or {}))
     env.task.visualize_reward = visualize_reward
     return env
+
+
+def _add(task_name: str) -> None:
+    factory = functools.partial(_make, task_name)
+    functools.update_wrapper(factory, _make)
+    factory.__name__ = task_name  # type: ignore[attr-defined]
+    SUITE.add('goal')(factory)
+
+
+tasks.on_register(_add)
+
+
+def join_dm_control_suite() -> None:
+    """Makes `dm_control.suite.load('fetch', ...)` work, and lists the tasks there."""
+    dm_suite._DOMAINS.setdefault(DOMAIN, sys.modules[__name__])
+    tasks.on_register(_list_in_dm_control_suite)
+
+
+def _list_in_dm_control_suite(task_name: str) -> None:
+    entry = (DOMAIN, task_name)
+    if entry not in dm_suite.ALL_TASKS:
+        dm_suite.TASKS_BY_DOMAIN[DOMAIN] = tuple(tasks.ALL)
+        dm_suite.ALL_TASKS += (entry,)
+        dm_suite.EXTRA += (entry,)

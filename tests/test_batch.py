@@ -125,6 +125,6 @@ def test_arguments_that_make_no_sense_are_refused(arguments, message):
 def test_divergence_names_the_environment():
     batch = fetch_composer.BatchEnvironment('push', 3, seed=0)
     batch.reset()
-    batch._qvel[2] = 1e12
+    batch._sims.bind('qvel')[2] = 1e12
     with pytest.raises(control.PhysicsError, match=r'\[2\]'):
         batch.step(np.zeros((3, 4), np.float32))

@@ -76,14 +76,14 @@ def test_whoever_watches_can_end_a_run():
 
     taken = []
 
-    def observe(episodes):
+    def on_progress(episodes):
         taken.append(episodes)
         if len(taken) > _STEPS:
             raise Enough
 
     finished = []
     with batch_rollout.BatchRollout(_options(), 2) as batch, pytest.raises(Enough):
-        finished.extend(batch.run([0, 1, 2], observe))
+        finished.extend(batch.run([0, 1, 2], on_progress))
     assert [[each.seed for each in chunk] for chunk in finished] == [[0, 1]]
     assert taken == [2] * _STEPS + [1]
 

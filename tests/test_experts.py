@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fetch_composer
+from fetch_composer import tasks
 from fetch_composer.policies.experts.pick_and_place import PickAndPlaceExpert
 from fetch_composer.policies.experts.reach import ReachExpert
 from fetch_composer.policies.experts.slide import SlideExpert
@@ -99,7 +100,7 @@ def test_does_not_ask_which_way_the_difference_of_positions_points(task):
 @pytest.mark.parametrize('task', EXPERTS)
 def test_copes_with_goals_it_can_hardly_reach(task):
     with fetch_composer.BatchEnvironment(task, 4, num_threads=1, seed=0) as batch:
-        workspace = batch.task.workspace
+        workspace = tasks.make(task).workspace
         centre, half_size = np.array(workspace.table_position), np.array(workspace.table_half_size)
         corners = centre + half_size * [(-1, -1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, 1)]
         actions, _ = play(batch, batch.reset(goal=corners), EXPERTS[task])

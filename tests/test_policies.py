@@ -108,9 +108,7 @@ def test_unknown_policy_is_refused_with_the_valid_names(env):
 
 def test_a_task_of_ones_own_has_no_expert():
     class Shove(tasks.Push):
-        def __init__(self, **options):
-            super().__init__(**options)
-            self.name = 'shove'
+        name = 'shove'
 
     env = fetch_composer.Environment(Shove(), random_state=0)
     with pytest.raises(ValueError, match=r"no expert for the task 'shove'.*push"):

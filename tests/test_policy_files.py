@@ -72,7 +72,7 @@ def test_a_network_acts_on_the_observations_that_it_names(
     shapes = [(name, [*batch, size]) for name, size in inputs.items()]
     weights = _save_onnx(path, shapes, [('action', [*batch, 4])], double)
     policy = policies.load(path, env)
-    policies.check(policy, observation, env)
+    policies.check_action(policy, observation, policies.PolicyContext.of(env))
     action = policy(observation)
     assert action.shape == (4,) and action.dtype == np.float32
     expected = np.concatenate([observation[part] for part in parts]) @ weights
@@ -212,7 +212,7 @@ def test_a_trusted_zip_is_loaded_by_its_algorithm(
     _save_zip(path, module, **data)
     policy = policies.load(path, env, trust_pickle=True)
     assert loaded == [(algorithm, path, 'cpu', 1)]
-    policies.check(policy, observation, env)
+    policies.check_action(policy, observation, policies.PolicyContext.of(env))
     np.testing.assert_allclose(policy(observation)[:3], observation['desired_goal'], atol=1e-6)
 
 
@@ -274,8 +274,8 @@ class Noisy:
     def __call__(self, observation):
         return self.generator.uniform(-1, 1, 4)
 
-def make(env, seed=None):
-    assert env.task.name == 'push'
+def make(context, seed=None):
+    assert context.task_name == 'push'
     return Noisy(seed)
 
 def short(observation):

@@ -96,7 +96,7 @@ class Arena(composer.Arena):
             'material', name='tiles', texture=tiles, texrepeat=(2, 2), texuniform=True,
             specular=0.1,
         )  # fmt: skip
-        self._floor = self.mjcf_model.worldbody.add(
+        self.mjcf_model.worldbody.add(
             'geom',
             name='floor',
             type='plane',
@@ -122,11 +122,6 @@ class Arena(composer.Arena):
             diffuse=(0.5, 0.49, 0.47),
             specular=(0.3, 0.3, 0.3),
         )
-
-    @property
-    def floor(self):
-        """The floor's geom."""
-        return self._floor
 
     @property
     def light(self):

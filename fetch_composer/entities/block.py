@@ -31,7 +31,8 @@ class Block(composer.Entity):
             geom_type: A geom type of MuJoCo, such as 'box' or 'cylinder'.
             size: Its size in m, as MuJoCo wants it for that type.
             mass: Mass in kg.
-            friction: Sliding, torsional and rolling coefficients.
+            friction: Sliding, torsional and rolling coefficients; in a contact, MuJoCo takes
+                the larger of these and the other geom's.
             quaternion: Orientation (w, x, y, z) at which an episode starts the block's frame.
                 Geom and site are counter-rotated, so that they then stand upright and the
                 site's Euler angles start at 0, far from their singularity.

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 
+import numpy as np
 from dm_control import composer, mjcf
 from dm_control.composer import define
 from dm_control.composer.observation import observable
@@ -262,11 +263,16 @@ class FetchGripperObservables(composer.Observables):
 
     @define.observable
     def finger_positions(self):
-        return observable.MJCFFeature('qpos', self._entity.joints)
+        return self._of_fingers('qpos')
 
     @define.observable
     def finger_velocities(self):
-        return observable.MJCFFeature('qvel', self._entity.joints)
+        return self._of_fingers('qvel')
+
+    def _of_fingers(self, attribute: str):
+        if self._entity.joints:
+            return observable.MJCFFeature(attribute, self._entity.joints)
+        return observable.Generic(lambda _: np.zeros(2))  # They are rigid, and closed.
 
     @define.observable
     def tool_center_point(self):

@@ -20,10 +20,10 @@ class Table(composer.Entity):
 
         Args:
             half_size: Half of its length, width and height in m.
-            friction: Sliding, torsional and rolling coefficients.
+            friction: Sliding, torsional and rolling coefficients; in a contact, MuJoCo takes
+                the larger of these and the other geom's.
             name: Name of the entity.
         """
-        self._half_size = tuple(half_size)
         self._mjcf_root = mjcf.RootElement(model=name)
         material = self._mjcf_root.asset.add(
             'material', name='wood', rgba=(0.72, 0.6, 0.45, 1), specular=0.1, shininess=0.1
@@ -46,8 +46,3 @@ class Table(composer.Entity):
     def geom(self) -> mjcf.Element:
         """The table's only geom."""
         return self._geom
-
-    @property
-    def half_size(self) -> tuple[float, ...]:
-        """Half of the table's length, width and height in m."""
-        return self._half_size

@@ -67,9 +67,10 @@ class Run:
         self._env = fetch_composer.load(
             options.task, **options.of_episodes(options.policy[0]).task_kwargs
         )
+        context = policies.PolicyContext.of(self._env)
         for policy in options.policy:
-            make = policies.factory(policy, self._env, options.trust_pickle)
-            batch_rollout.try_policy(policy, make, self._env.reset().observation, self._env)
+            make = policies.factory(policy, context, options.trust_pickle)
+            batch_rollout.try_policy(policy, make, self._env.reset().observation, context)
         self._control_timestep = self._env.control_timestep()
         self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
         recording.prepare_folder(options.folder)
@@ -125,13 +126,13 @@ class Run:
         started = time.perf_counter()
         with _signals_noted() as noted:
 
-            def observe() -> None:
+            def on_progress() -> None:
                 if noted:
                     raise _Stopped
 
             with contextlib.suppress(_Stopped):
-                self._run_episodes(observe)
-                self._take_films(observe)
+                self._run_episodes(on_progress)
+                self._take_films(on_progress)
             # A signal that comes later finds nothing left to be stopped.
             self.stopped_by = noted[0] if noted and not self._is_complete else None
             if not self.finished:
@@ -148,7 +149,7 @@ class Run:
             each.films.keys() == set(self._chosen()) for each in self.candidates
         )
 
-    def _run_episodes(self, observe: Callable[[], None]) -> None:
+    def _run_episodes(self, on_progress: Callable[[], None]) -> None:
         options = self.options
         for each in self.candidates:
             each.episodes = self._store.episodes(each.key, options.seeds)
@@ -162,7 +163,7 @@ class Run:
         ) as bar:
 
             def advance(episodes: int) -> None:
-                observe()
+                on_progress()
                 bar.update(episodes)
 
             with self._rollouts(bar) as rollouts:
@@ -186,7 +187,7 @@ class Run:
         self,
         candidate: Candidate,
         rollouts: Callable[..., Any],
-        observe: Callable[[int], None],
+        on_progress: Callable[[int], None],
     ) -> None:
         options = self.options
         done = {episode.seed for episode in candidate.episodes}
@@ -196,7 +197,7 @@ class Run:
         with rollouts(
             options.of_episodes(candidate.policy), min(options.num_envs, len(seeds))
         ) as batch:
-            for episodes in batch.run(seeds, observe):
+            for episodes in batch.run(seeds, on_progress):
                 self._store.add(candidate.key, episodes)
                 candidate.episodes.extend(episodes)
         candidate.episodes.sort(key=lambda episode: episode.seed)
@@ -208,7 +209,7 @@ class Run:
         distances = [[e.distance[-1] for e in each.episodes] for each in self.candidates]
         return filming.choose(distances, self.options.films, self.options.num_films)
 
-    def _take_films(self, observe: Callable[[], None]) -> None:
+    def _take_films(self, on_progress: Callable[[], None]) -> None:
         options, chosen = self.options, self._chosen()
         look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}'
         with tqdm.tqdm(
@@ -222,7 +223,7 @@ class Run:
 
             def advance(step: int) -> None:
                 del step  # Unused.
-                observe()
+                on_progress()
                 bar.update()
 
             for each in self.candidates:

@@ -17,8 +17,8 @@ except ImportError as error:
 class SB3VecEnv(VecEnv):
     """Steps all environments in one native call.
 
-    All episodes have the same length and so end together; then the observation returned is the
-    first of the next episode, and the last one is in `infos[i]['terminal_observation']`.
+    Where an episode ends, the observation returned is the first of the next one, and the last one
+    is in `infos[i]['terminal_observation']`.
     """
 
     def __init__(self, env: gymnasium.vector.VectorEnv) -> None:
@@ -50,7 +50,7 @@ class SB3VecEnv(VecEnv):
             if done[i]:
                 each['terminal_observation'] = {key: row[i] for key, row in observation.items()}
         if done.any():
-            observation = self.reset()
+            observation, _ = self.env.reset(options={'reset_mask': done})
         return observation, reward.astype(np.float32), done, infos
 
     def close(self) -> None:

@@ -1,11 +1,14 @@
-"""The Fetch tasks."""
+"""The Fetch tasks, and what a task of one's own is made of."""
 
-from fetch_composer.tasks.goal_task import MAX_EPISODE_STEPS, GoalTask
+from fetch_composer.tasks import conventions, samplers, scene
+from fetch_composer.tasks.goal_task import GoalTask
+from fetch_composer.tasks.options import MAX_EPISODE_STEPS, TaskOptions
 from fetch_composer.tasks.pick_and_place import PickAndPlace
 from fetch_composer.tasks.push import Push
 from fetch_composer.tasks.reach import Reach
-from fetch_composer.tasks.registry import ALL, make, register
+from fetch_composer.tasks.registry import ALL, conventions_of, make, on_register, register
 from fetch_composer.tasks.rewards import compute_reward, is_success
+from fetch_composer.tasks.scene import Workspace
 from fetch_composer.tasks.slide import Slide
 
 __all__ = (
@@ -16,8 +19,15 @@ __all__ = (
     'Push',
     'Reach',
     'Slide',
+    'TaskOptions',
+    'Workspace',
     'compute_reward',
+    'conventions',
+    'conventions_of',
     'is_success',
     'make',
+    'on_register',
     'register',
+    'samplers',
+    'scene',
 )

@@ -1,18 +1,6 @@
-"""What a goal task observes of the gripper and the object, in the page's order.
+"""What a goal task observes of the gripper and the object, in the order of `layout`.
 
-    index   with an object                                     without
-    0-2     gripper position                                   0-2
-    3-5     object position
-    6-8     their difference
-    9-10    displacement of the right and left finger          3-4
-    11-13   object's rotation, intrinsic XYZ Euler angles
-    14-16   object's linear velocity less the gripper's
-    17-19   object's angular velocity
-    20-22   gripper's linear velocity                          5-7
-    23-24   velocity of the right and left finger              8-9
-
-Positions are in m, angles in rad, all in global coordinates; velocities are multiplied by the
-control timestep, so that they are in m or rad per control step.
+There are two observers, one fast for one simulation and one fast for many.
 """
 
 import math
@@ -22,10 +10,8 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
+from fetch_composer.tasks import layout
 from fetch_composer.tasks.addresses import Addresses
-
-SIZE_WITH_OBJECT = 25
-SIZE_WITHOUT_OBJECT = 10
 
 # Below this cosine of the middle angle the first and third Euler axes coincide.
 _SINGULAR_COSINE = 4 * np.finfo(np.float64).eps
@@ -78,7 +64,7 @@ class GoalObserver:
         data: mujoco.MjData,
         addresses: Addresses,
         control_timestep: float,
-        block_minus_gripper: bool,
+        object_minus_gripper: bool,
     ) -> None:
         """Initializes the observer.
 
@@ -88,7 +74,7 @@ class GoalObserver:
             addresses: Where things are in the model. Fingers that are rigid have no joints;
                 their displacements and velocities are observed as 0.
             control_timestep: Seconds by which velocities are multiplied.
-            block_minus_gripper: Sense of the difference of positions.
+            object_minus_gripper: Sense of the difference of positions.
         """
         grip_site, object_site = addresses.grip_site, addresses.object_site
         self._model = model
@@ -96,12 +82,11 @@ class GoalObserver:
         self._grip_site = grip_site
         self._object_site = object_site
         self._timestep = control_timestep
-        self._sense = 1.0 if block_minus_gripper else -1.0
+        self._sense = 1.0 if object_minus_gripper else -1.0
         self._grip_position = data.site_xpos[grip_site]
-        self._qpos = data.qpos
         self._qvel = data.qvel
-        self._finger_qpos = addresses.finger_qpos.tolist()
-        self._finger_qvel = addresses.finger_qvel.tolist()
+        self._fingers = data.qpos[addresses.finger_qpos]
+        self._finger_velocities = data.qvel[addresses.finger_qvel]
         # All Jacobians in one array, so that one product gives all velocities.
         num_rows = 3 if object_site is None else 9
         self._jacobian = np.zeros((num_rows, model.nv))
@@ -111,11 +96,6 @@ class GoalObserver:
             self._object_xmat = data.site_xmat[object_site]
             self._object_jacobians = (self._jacobian[3:6], self._jacobian[6:])
 
-    @property
-    def size(self) -> int:
-        """Length of the observation: 25 with an object, 10 without."""
-        return SIZE_WITHOUT_OBJECT if self._object_site is None else SIZE_WITH_OBJECT
-
     def achieved_goal(self) -> np.ndarray:
         """Returns (3,) position in m of the object or, without one, of the gripper."""
         if self._object_site is None:
@@ -123,7 +103,7 @@ class GoalObserver:
         return self._object_position.copy()
 
     def observation(self) -> np.ndarray:
-        """Returns (25,) or, without an object, (10,) float64; see the module's table."""
+        """Returns (25,) or, without an object, (10,) float64, as `layout` has it."""
         # Plain floats: for so few numbers each operation on an array costs more than all of these.
         model, data, sense = self._model, self._data, self._sense
         mujoco.mj_jacSite(model, data, self._grip_jacobian, None, self._grip_site)
@@ -144,10 +124,9 @@ class GoalObserver:
 
     def _observe_fingers(self):
         """Returns displacements and velocities of the right and the left finger."""
-        if not self._finger_qpos:
+        if not self._fingers.size:
             return _AT_REST, _AT_REST
-        velocities = self._qvel[self._finger_qvel] * self._timestep
-        return self._qpos[self._finger_qpos].tolist(), velocities.tolist()
+        return self._fingers.tolist(), (self._finger_velocities * self._timestep).tolist()
 
 
 class _SiteMotion:
@@ -184,16 +163,16 @@ class BatchObserver:
         sims: mujoco.batch.Batch,
         addresses: Addresses,
         control_timestep: float,
-        block_minus_gripper: bool,
+        object_minus_gripper: bool,
     ) -> None:
         """Initializes the observer; the arguments are those of `GoalObserver`."""
         grip_site, object_site = addresses.grip_site, addresses.object_site
         self._num_sims = sims.nsim
         self._timestep = control_timestep
-        self._sense = 1.0 if block_minus_gripper else -1.0
-        self._qpos, self._qvel = sims.bind('qpos'), sims.bind('qvel')
-        self._finger_qpos = addresses.finger_qpos.tolist()
-        self._finger_qvel = addresses.finger_qvel.tolist()
+        self._sense = 1.0 if object_minus_gripper else -1.0
+        self._layout = layout.WITHOUT_OBJECT if object_site is None else layout.WITH_OBJECT
+        self._fingers = sims.bind('qpos')[:, addresses.finger_qpos]
+        self._finger_velocities = sims.bind('qvel')[:, addresses.finger_qvel]
         self._grip_position = sims.bind('site_xpos')[:, grip_site]
         self._grip_motion = _SiteMotion(model, sims, grip_site)
         self._has_object = object_site is not None
@@ -207,22 +186,21 @@ class BatchObserver:
         return (self._object_position if self._has_object else self._grip_position).copy()
 
     def observation(self) -> np.ndarray:
-        """Returns (n, 25) or, without an object, (n, 10) float64; see the module's table."""
-        size = SIZE_WITH_OBJECT if self._has_object else SIZE_WITHOUT_OBJECT
-        out = np.zeros((self._num_sims, size))
+        """Returns (n, 25) or, without an object, (n, 10) float64, as `layout` has it."""
+        at = self._layout
+        out = np.zeros((self._num_sims, at.size))
         grip_velocity, _ = self._grip_motion.velocities()
-        out[:, :3] = self._grip_position
-        fingers = 3
+        out[:, at.grip_position] = self._grip_position
+        out[:, at.grip_velocity] = grip_velocity * self._timestep
         if self._has_object:
-            fingers = 9
             velocity, angular_velocity = self._object_motion.velocities()
-            out[:, 3:6] = self._object_position
-            out[:, 6:9] = (self._object_position - self._grip_position) * self._sense
-            out[:, 11:14] = euler_xyz_batch(self._object_xmat)
-            out[:, 14:17] = (velocity - grip_velocity) * self._timestep
-            out[:, 17:20] = angular_velocity * self._timestep
-        out[:, -5:-2] = grip_velocity * self._timestep
-        if self._finger_qpos:
-            out[:, fingers : fingers + 2] = self._qpos[:, self._finger_qpos]
-            out[:, -2:] = self._qvel[:, self._finger_qvel] * self._timestep
+            out[:, at.object_position] = self._object_position
+            relative = self._object_position - self._grip_position
+            out[:, at.relative_position] = relative * self._sense
+            out[:, at.object_rotation] = euler_xyz_batch(self._object_xmat)
+            out[:, at.object_velocity] = (velocity - grip_velocity) * self._timestep
+            out[:, at.object_spin] = angular_velocity * self._timestep
+        if self._fingers.size:
+            out[:, at.fingers] = self._fingers
+            out[:, at.finger_velocities] = self._finger_velocities * self._timestep
         return out

@@ -1,7 +1,8 @@
 """Pick and place: bring a block to a place on the table or in the air."""
 
 from fetch_composer import entities
-from fetch_composer.tasks import conventions, goal_task, samplers, scene
+from fetch_composer.tasks import conventions, goal_task, registry, samplers, scene, settled
+from fetch_composer.tasks.options import TaskOptions
 
 _WORKSPACE = scene.Workspace(
     robot_position=(0.405, 0.48, 0.0),
@@ -24,28 +25,29 @@ _AIR_PROBABILITY = 0.5
 _AIR_HEIGHT = 0.45
 
 
+@registry.register('pick_and_place')
 class PickAndPlace(goal_task.GoalTask):
     """Grasp a block and bring it to its goal; the fourth action opens and closes the gripper."""
 
-    def __init__(self, convention: str = 'documented', **options) -> None:
-        """Initializes the task; see `GoalTask` for the options."""
+    conventions = tuple(conventions.CONVENTIONS)
+
+    def __init__(self, options: TaskOptions = TaskOptions()) -> None:
+        """Initializes the task."""
         block = entities.Block(
-            size=_BLOCK_HALF_SIZE,
-            mass=_BLOCK_MASS,
-            quaternion=conventions.get(convention).block_quaternion,
+            size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
         )
         super().__init__(
-            'pick_and_place',
+            options,
             _WORKSPACE,
             block,
             locked_gripper=False,
-            convention=convention,
-            **options,
+            settled=settled.load('pick_and_place'),
         )
 
     def _build_samplers(self):
-        block_placer = samplers.OffsetBeyond(self.grip_start, _BLOCK_RANGE, _BLOCK_CLEARANCE)
-        goal_sampler = samplers.GoalAround(
-            self.grip_start, _GOAL_RANGE, self.object_height, _AIR_PROBABILITY, _AIR_HEIGHT
+        return (
+            samplers.OffsetBeyond(self.grip_start, _BLOCK_RANGE, _BLOCK_CLEARANCE),
+            samplers.GoalAround(
+                self.grip_start, _GOAL_RANGE, self.object_height, _AIR_PROBABILITY, _AIR_HEIGHT
+            ),
         )
-        return block_placer, goal_sampler

@@ -2,9 +2,13 @@
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
 from dm_control import mjcf
 from dm_control.composer.observation import observable
+
+from fetch_composer.tasks import checks
 
 OBSERVATION_MODES = ('features', 'pixels', 'features+pixels')
 
@@ -30,20 +34,16 @@ class PixelOptions:
     shadows: bool = False
 
 
-def check_observation_mode(mode: str) -> None:
-    """Raises `ValueError`, which lists the valid modes, if `mode` is none of them."""
-    if mode not in OBSERVATION_MODES:
-        raise ValueError(
-            f'Unknown observation_mode {mode!r}; valid are {", ".join(OBSERVATION_MODES)}.'
-        )
-
-
-def options(pixels: Mapping | None) -> PixelOptions:
+def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
     """Returns the options that a mapping names.
 
     Raises:
         ValueError: if one is unknown or makes no sense; the message says what would.
     """
+    if isinstance(pixels, PixelOptions):
+        return pixels
+    if pixels is not None and not isinstance(pixels, Mapping):
+        raise ValueError(f'pixels must be a mapping of options, such as height; got {pixels!r}.')
     pixels = dict(pixels or {})
     valid = [field.name for field in dataclasses.fields(PixelOptions)]
     unknown = sorted(set(pixels) - set(valid))
@@ -54,12 +54,31 @@ def options(pixels: Mapping | None) -> PixelOptions:
         )
     if isinstance(pixels.get('cameras'), str):
         pixels['cameras'] = (pixels['cameras'],)
-    chosen = PixelOptions(**pixels)
+    if 'cameras' in pixels:
+        pixels['cameras'] = tuple(pixels['cameras'])
     for name in ('height', 'width'):
-        size = getattr(chosen, name)
-        if not isinstance(size, int) or size < 1:
-            raise ValueError(f'The {name} of pixels must be a positive integer, got {size!r}.')
-    return chosen
+        if name in pixels:
+            pixels[name] = checks.positive_integer(f'The {name} of pixels', pixels[name])
+    for name in ('depth', 'segmentation', 'shadows'):
+        if name in pixels and not isinstance(pixels[name], (bool, np.bool_)):
+            raise ValueError(f'{name} of pixels must be True or False; got {pixels[name]!r}.')
+    return PixelOptions(**pixels)
+
+
+def fit_framebuffer(model: Any, width: int, height: int) -> None:
+    """Makes sure that pictures of that size can be drawn.
+
+    MuJoCo draws into a buffer that is allocated with the first picture.
+
+    Args:
+        model: Anything with MuJoCo's `vis.global_` or, of MJCF, `visual`.
+        width: Width in pixels.
+        height: Height in pixels.
+    """
+    is_mjcf = hasattr(model, 'visual')
+    buffer = getattr(model.visual, 'global') if is_mjcf else model.vis.global_
+    buffer.offwidth = max(buffer.offwidth, width)
+    buffer.offheight = max(buffer.offheight, height)
 
 
 def observables(
@@ -73,6 +92,7 @@ def observables(
     Raises:
         ValueError: if a camera is not in the model; the message lists those that are.
     """
+    fit_framebuffer(mjcf_model, chosen.width, chosen.height)
     elements = {camera.full_identifier: camera for camera in mjcf_model.find_all('camera')}
     made = {}
     for name in chosen.cameras:

@@ -1,7 +1,8 @@
 """Push: move a block to a place on the table with a closed gripper."""
 
 from fetch_composer import entities
-from fetch_composer.tasks import conventions, goal_task, samplers, scene
+from fetch_composer.tasks import conventions, goal_task, registry, samplers, scene, settled
+from fetch_composer.tasks.options import TaskOptions
 
 _WORKSPACE = scene.Workspace(
     robot_position=(0.405, 0.48, 0.0),
@@ -20,19 +21,21 @@ _GOAL_RANGE = 0.15
 _BLOCK_CLEARANCE = 0.1
 
 
+@registry.register('push')
 class Push(goal_task.GoalTask):
     """Push a block to its goal on the table; the gripper is locked in its closed position."""
 
-    def __init__(self, convention: str = 'documented', **options) -> None:
-        """Initializes the task; see `GoalTask` for the options."""
+    conventions = tuple(conventions.CONVENTIONS)
+
+    def __init__(self, options: TaskOptions = TaskOptions()) -> None:
+        """Initializes the task."""
         block = entities.Block(
-            size=_BLOCK_HALF_SIZE,
-            mass=_BLOCK_MASS,
-            quaternion=conventions.get(convention).block_quaternion,
+            size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
         )
-        super().__init__('push', _WORKSPACE, block, convention=convention, **options)
+        super().__init__(options, _WORKSPACE, block, settled=settled.load('push'))
 
     def _build_samplers(self):
-        block_placer = samplers.OffsetBeyond(self.grip_start, _BLOCK_RANGE, _BLOCK_CLEARANCE)
-        goal_sampler = samplers.GoalAround(self.grip_start, _GOAL_RANGE, self.object_height)
-        return block_placer, goal_sampler
+        return (
+            samplers.OffsetBeyond(self.grip_start, _BLOCK_RANGE, _BLOCK_CLEARANCE),
+            samplers.GoalAround(self.grip_start, _GOAL_RANGE, self.object_height),
+        )

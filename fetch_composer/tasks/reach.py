@@ -1,6 +1,7 @@
 """Reach: move the gripper to a place in the air."""
 
-from fetch_composer.tasks import goal_task, samplers, scene
+from fetch_composer.tasks import conventions, goal_task, registry, samplers, scene, settled
+from fetch_composer.tasks.options import TaskOptions
 
 _WORKSPACE = scene.Workspace(
     robot_position=(0.4049, 0.48, 0.0),
@@ -13,12 +14,15 @@ _WORKSPACE = scene.Workspace(
 _GOAL_RANGE = 0.15
 
 
+@registry.register('reach')
 class Reach(goal_task.GoalTask):
     """Bring the gripper to its goal; there is no object, and the gripper is locked."""
 
-    def __init__(self, **options) -> None:
-        """Initializes the task; see `GoalTask` for the options."""
-        super().__init__('reach', _WORKSPACE, **options)
+    conventions = tuple(conventions.CONVENTIONS)
+
+    def __init__(self, options: TaskOptions = TaskOptions()) -> None:
+        """Initializes the task."""
+        super().__init__(options, _WORKSPACE, settled=settled.load('reach'))
 
     def _build_samplers(self):
         return None, samplers.GoalAround(self.grip_start, _GOAL_RANGE)

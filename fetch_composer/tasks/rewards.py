@@ -2,17 +2,11 @@
 
 import numpy as np
 
+from fetch_composer.tasks import checks
+
 REWARD_TYPES = ('sparse', 'dense')
 
 DISTANCE_THRESHOLD = 0.05  # m
-
-
-def check_reward_type(reward_type: str) -> None:
-    """Raises `ValueError`, which lists the valid types, if `reward_type` is none of them."""
-    if reward_type not in REWARD_TYPES:
-        raise ValueError(
-            f'Unknown reward_type {reward_type!r}; valid are {", ".join(REWARD_TYPES)}.'
-        )
 
 
 def goal_distance(achieved_goal, desired_goal) -> np.ndarray:
@@ -45,7 +39,7 @@ def compute_reward(achieved_goal, desired_goal, reward_type: str = 'sparse') -> 
     Raises:
         ValueError: if `reward_type` is not one of `REWARD_TYPES`.
     """
-    check_reward_type(reward_type)
+    checks.one_of('reward_type', reward_type, REWARD_TYPES)
     distance = goal_distance(achieved_goal, desired_goal)
     if reward_type == 'dense':
         return -distance

@@ -7,7 +7,7 @@ import numpy as np
 from dm_control import mjcf
 
 from fetch_composer import entities
-from fetch_composer.tasks import conventions
+from fetch_composer.tasks import checks, conventions
 
 # A goal may lie this far below and above the table's surface, in m.
 _GOAL_BELOW_TABLE = 0.02
@@ -23,7 +23,9 @@ class Workspace:
         gripper_position: Documented start of the gripper link's frame.
         table_position: Centre of the table.
         table_half_size: Half of the table's length, width and height.
-        table_friction: Sliding, torsional and rolling coefficients.
+        table_friction: Sliding, torsional and rolling coefficients. MuJoCo gives a contact the
+            larger of what its two geoms have, so that an object that is to slide needs a low
+            friction of its own as well.
     """
 
     robot_position: tuple[float, float, float]
@@ -37,15 +39,15 @@ class Workspace:
         """Height of the table's surface in m."""
         return self.table_position[2] + self.table_half_size[2]
 
-    def check_block_position(self, position: Sequence[float]) -> np.ndarray:
+    def check_object_position(self, position: Sequence[float]) -> np.ndarray:
         """Returns (2,) x and y as an array.
 
         Raises:
             ValueError: if they are not two finite numbers on the table.
         """
         centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
-        return _check_place('object_position', position, (centre - half_size)[:2],
-                            (centre + half_size)[:2])  # fmt: skip
+        lower, upper = centre - half_size, centre + half_size
+        return checks.place('object_position', position, lower[:2], upper[:2])
 
     def check_goal(self, goal: Sequence[float]) -> np.ndarray:
         """Returns (3,) x, y and z as an array.
@@ -57,22 +59,7 @@ class Workspace:
         lower, upper = centre - half_size, centre + half_size
         lower[2] = upper[2] - _GOAL_BELOW_TABLE
         upper[2] = upper[2] + _GOAL_ABOVE_TABLE
-        return _check_place('goal', goal, lower, upper)
-
-
-def _check_place(name: str, place, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    try:
-        array = np.array(place, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != lower.shape or not np.all(np.isfinite(array)):
-        raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {place!r}.')
-    if np.any(array < lower) or np.any(array > upper):
-        raise ValueError(
-            f'{name} {array.tolist()} is off the table: it must lie between '
-            f'{lower.round(4).tolist()} and {upper.round(4).tolist()} m.'
-        )
-    return array
+        return checks.place('goal', goal, lower, upper)
 
 
 class Scene:
@@ -93,6 +80,7 @@ class Scene:
             block: The object, or None.
             locked_gripper: Whether the gripper stays closed.
         """
+        self.workspace = workspace
         self.arena = entities.Arena()
         if not convention.islands:
             self.arena.mjcf_model.option.flag.island = 'disable'

@@ -3,7 +3,8 @@
 import numpy as np
 
 from fetch_composer import entities
-from fetch_composer.tasks import conventions, goal_task, samplers, scene
+from fetch_composer.tasks import conventions, goal_task, registry, samplers, scene, settled
+from fetch_composer.tasks.options import TaskOptions
 
 # Low enough for the puck to slide on: sliding, torsional and rolling coefficients.
 _FRICTION = (0.1, 0.005, 0.0001)
@@ -28,23 +29,25 @@ _GOAL_RANGE = 0.3
 _GOAL_OFFSET = np.array((0.4, 0.0, 0.0))  # m
 
 
+@registry.register('slide')
 class Slide(goal_task.GoalTask):
     """Slide a puck to its goal on a long slippery table; the gripper is locked."""
 
-    def __init__(self, convention: str = 'documented', **options) -> None:
-        """Initializes the task; see `GoalTask` for the options."""
+    conventions = tuple(conventions.CONVENTIONS)
+
+    def __init__(self, options: TaskOptions = TaskOptions()) -> None:
+        """Initializes the task."""
         puck = entities.Block(
             geom_type='cylinder',
             size=_PUCK_SIZE,
             mass=_PUCK_MASS,
             friction=_FRICTION,
-            quaternion=conventions.get(convention).block_quaternion,
+            quaternion=options.object_quaternion,
         )
-        super().__init__('slide', _WORKSPACE, puck, convention=convention, **options)
+        super().__init__(options, _WORKSPACE, puck, settled=settled.load('slide'))
 
     def _build_samplers(self):
-        puck_placer = samplers.OffsetBeyond(self.grip_start, _PUCK_RANGE, _PUCK_CLEARANCE)
-        goal_sampler = samplers.GoalAround(
-            self.grip_start + _GOAL_OFFSET, _GOAL_RANGE, self.object_height
+        return (
+            samplers.OffsetBeyond(self.grip_start, _PUCK_RANGE, _PUCK_CLEARANCE),
+            samplers.GoalAround(self.grip_start + _GOAL_OFFSET, _GOAL_RANGE, self.object_height),
         )
-        return puck_placer, goal_sampler

@@ -1,21 +1,28 @@
-"""The state from which episodes start: at rest as documented, or settled as the peer's."""
+"""Where episodes start: what is given, what is drawn, and the state that follows."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 from dm_control import composer, mjcf
+from dm_control.composer import variation
 from dm_control.utils import inverse_kinematics
 
 from fetch_composer.tasks import conventions
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.scene import Scene
+from fetch_composer.tasks.settled import SettledState
+from fetch_composer.tasks.variations import Variations
 
 # Configuration from which inverse kinematics starts, shoulder to wrist in rad: elbow up, near
 # the pose in which Gymnasium-Robotics settles.
 _ELBOW_UP = (0.01, -0.83, 0.0, 1.44, 0.0, 0.95, 0.0)
 _TOLERANCE = 1e-12  # Of the inverse kinematics, in m and rad.
 _MAX_ERROR = 1e-5  # m
+
+_FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
+_GRIPPER_CLEARANCE = 0.1  # m, from a gripper as low as the object.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,76 +50,176 @@ class StartState:
     mocap_quaternion: np.ndarray
 
 
-def documented_state(
-    scene: Scene,
-    physics: mjcf.Physics,
-    addresses: Addresses,
-    gripper_position: Sequence[float],
-    object_height: float | None,
-) -> StartState:
-    """Returns the state at rest with the gripper link at a position, pointing down.
+class EpisodeStarts:
+    """The starts of one task's episodes."""
 
-    Args:
-        scene: The scene.
-        physics: Its physics, whose state is changed.
-        addresses: Its addresses.
-        gripper_position: (3,) position of the gripper link's frame in m.
-        object_height: Height of the object's centre in m, or None without one.
+    def __init__(
+        self,
+        scene: Scene,
+        grip_start: np.ndarray,
+        object_height: float | None,
+        object_sampler: variation.Variation | None,
+        goal_sampler: variation.Variation,
+        variations: Variations,
+        settled: SettledState | None,
+    ) -> None:
+        """Initializes the starts.
 
-    Raises:
-        EpisodeInitializationError: if inverse kinematics finds no such configuration.
-    """
-    model = physics.model.ptr
-    qpos = model.qpos0.copy()
-    qpos[addresses.arm_qpos] = _solve(scene, physics, addresses, gripper_position)
-    if scene.block is not None:
-        block_qpos = qpos[addresses.object_qpos]
-        block_qpos[2] = object_height
-        block_qpos[3:] = scene.block.quaternion
-    for prop, joint, position in scene.props:
-        address = model.jnt_qposadr[physics.bind(joint).element_id]
-        qpos[address : address + 7] = (*position, *prop.quaternion)
-    return StartState(
-        qpos=qpos,
-        qvel=np.zeros(model.nv),
-        mocap_position=np.array(gripper_position, dtype=np.float64),
-        mocap_quaternion=np.array(conventions.POINTING_DOWN),
-    )
+        Args:
+            scene: The scene.
+            grip_start: (3,) start of the observed grip site in m.
+            object_height: Height in m at which the object's centre rests; None without one.
+            object_sampler: Draws the object's x and y; None without one.
+            goal_sampler: Draws the desired goal.
+            variations: What else differs between episodes.
+            settled: The state to start from; None to start at rest at the documented pose.
+        """
+        self._scene = scene
+        self._workspace = scene.workspace
+        self._grip_start = grip_start
+        self._object_height = object_height
+        self._object_sampler = object_sampler
+        self._goal_sampler = goal_sampler
+        self._variations = variations
+        self._settled = settled
+        self._every_episode = Start()
 
+    def fix(self, start: Start) -> None:
+        """Gives what every episode starts with, from what `check` returned."""
+        self._every_episode = start
 
-def _solve(scene, physics, addresses, gripper_position) -> np.ndarray:
-    """Returns (7,) arm joints in rad."""
-    joints = scene.arm.joints
-    physics.bind(joints).qpos = _ELBOW_UP
-    result = inverse_kinematics.qpos_from_site_pose(
-        physics,
-        scene.arm.wrist_site.full_identifier,
-        target_pos=np.asarray(gripper_position),
-        target_quat=conventions.POINTING_DOWN,
-        joint_names=[joint.full_identifier for joint in joints],
-        tol=_TOLERANCE,
-        inplace=True,
-    )
-    if result.err_norm > _MAX_ERROR:
-        raise composer.EpisodeInitializationError(
-            f'The gripper cannot be brought to {np.round(gripper_position, 4).tolist()} m, '
-            f'pointing down: inverse kinematics is left with an error of {result.err_norm:.2g}.'
+    def check(self, object_position=None, goal=None) -> Start:
+        """Returns given places as a `Start`, with None for what is not given.
+
+        Raises:
+            ValueError: if a place cannot be.
+        """
+        block = self._scene.block
+        if object_position is not None:
+            if block is None:
+                raise ValueError('object_position was given, but this task has no object.')
+            object_position = self._workspace.check_object_position(object_position)
+            self._check_clearance(object_position, 2 * block.half_height)
+        if goal is not None:
+            goal = self._workspace.check_goal(goal)
+        return Start(object_position, goal)
+
+    def _check_clearance(self, object_position: np.ndarray, height: float) -> None:
+        """Raises `ValueError` if an object there would be where a low gripper starts."""
+        fingertips = self._grip_start[2] - _FINGERTIP_DEPTH
+        distance = np.linalg.norm(object_position - self._grip_start[:2])
+        if fingertips < self._workspace.table_top + height and distance < _GRIPPER_CLEARANCE:
+            raise ValueError(
+                f'object_position {object_position.tolist()} is where the gripper starts: it must '
+                f'be at least {_GRIPPER_CLEARANCE} m from '
+                f'{self._grip_start[:2].round(4).tolist()}.'
+            )
+
+    def draw(
+        self,
+        random_state: np.random.RandomState,
+        given: Start = Start(),  # noqa: B008
+    ) -> Start:
+        """Draws where an episode starts and what its goal is.
+
+        Everything is drawn, given or not, so that giving one place leaves the other as it was.
+
+        Args:
+            random_state: What to draw from.
+            given: Places that override the task's own and the drawn ones.
+        """
+        sampler = self._object_sampler
+        drawn = Start(
+            None if sampler is None else sampler(random_state=random_state),
+            self._goal_sampler(random_state=random_state),
         )
-    return result.qpos[addresses.arm_qpos]
+        sources = (given, self._every_episode, drawn)
+        return Start(
+            next((s.object_position for s in sources if s.object_position is not None), None),
+            next(s.goal for s in sources if s.goal is not None),
+            self._variations.draw(random_state),
+        )
 
+    def compile(self, physics: mjcf.Physics, addresses: Addresses) -> None:
+        """Finds the state that episodes have in common.
 
-def settled_state(
-    scene: Scene, physics: mjcf.Physics, addresses: Addresses, task_name: str
-) -> StartState:
-    """Returns the state in which the peer has settled."""
-    model, state = physics.model.ptr, conventions.settled_state(task_name)
-    qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
-    for joint in (*scene.arm.base_joints, *scene.arm.joints, *scene.gripper.joints):
-        index = model.joint(joint.full_identifier).id
-        qpos[model.jnt_qposadr[index]] = state.qpos[joint.name]
-        qvel[model.jnt_dofadr[index]] = state.qvel[joint.name]
-    if scene.block is not None:
-        qpos[addresses.object_qpos] = state.object_qpos
-        qvel[addresses.object_qvel] = state.object_qvel
-    # The peer leaves its mocap body at the origin until the first action moves it.
-    return StartState(qpos, qvel, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))
+        Raises:
+            EpisodeInitializationError: if inverse kinematics does not find it.
+        """
+        self._physics, self._addresses = physics, addresses
+        if self._settled is None:
+            self._common_state = self._state_at_rest()
+        else:
+            self._common_state = self._settled_state(self._settled)
+
+    def state(self, start: Start) -> StartState:
+        """Returns the state in which an episode with that start begins, its goal aside.
+
+        Raises:
+            EpisodeInitializationError: if the gripper cannot be brought where it was drawn.
+        """
+        state = self._common_state
+        if 'gripper_offset' in start.variations:
+            state = self._state_at_rest(start.variations['gripper_offset'])
+        if start.object_position is not None:
+            qpos = state.qpos.copy()
+            object_qpos = qpos[self._addresses.object_qpos]
+            object_qpos[:2] = start.object_position
+            object_qpos[2] += self._variations.raised(start.variations)
+            state = dataclasses.replace(state, qpos=qpos)
+        return state
+
+    def _state_at_rest(self, gripper_offset: npt.ArrayLike = (0.0, 0.0, 0.0)) -> StartState:
+        """Returns the state at rest with the gripper link at a place, pointing down."""
+        scene, model, addresses = self._scene, self._physics.model.ptr, self._addresses
+        gripper_position = np.add(self._workspace.gripper_position, gripper_offset)
+        qpos = model.qpos0.copy()
+        qpos[addresses.arm_qpos] = self._solve(gripper_position)
+        if scene.block is not None:
+            object_qpos = qpos[addresses.object_qpos]
+            object_qpos[2] = self._object_height
+            object_qpos[3:] = scene.block.quaternion
+        for prop, joint, position in scene.props:
+            address = model.jnt_qposadr[self._physics.bind(joint).element_id]
+            qpos[address : address + 7] = (*position, *prop.quaternion)
+        return StartState(
+            qpos=qpos,
+            qvel=np.zeros(model.nv),
+            mocap_position=gripper_position,
+            mocap_quaternion=np.array(conventions.POINTING_DOWN),
+        )
+
+    def _solve(self, gripper_position: np.ndarray) -> np.ndarray:
+        """Returns (7,) arm joints in rad."""
+        physics, arm = self._physics, self._scene.arm
+        physics.bind(arm.joints).qpos = _ELBOW_UP
+        result = inverse_kinematics.qpos_from_site_pose(
+            physics,
+            arm.wrist_site.full_identifier,
+            target_pos=gripper_position,
+            target_quat=conventions.POINTING_DOWN,
+            joint_names=[joint.full_identifier for joint in arm.joints],
+            tol=_TOLERANCE,
+            inplace=True,
+        )
+        if result.err_norm > _MAX_ERROR:
+            raise composer.EpisodeInitializationError(
+                f'The gripper cannot be brought to {np.round(gripper_position, 4).tolist()} m, '
+                'pointing down: inverse kinematics is left with an error of '
+                f'{result.err_norm:.2g}.'
+            )
+        return result.qpos[self._addresses.arm_qpos]
+
+    def _settled_state(self, settled: SettledState) -> StartState:
+        """Returns the state in which Gymnasium-Robotics has settled."""
+        scene, model, addresses = self._scene, self._physics.model.ptr, self._addresses
+        qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
+        for joint in (*scene.arm.base_joints, *scene.arm.joints, *scene.gripper.joints):
+            index = model.joint(joint.full_identifier).id
+            qpos[model.jnt_qposadr[index]] = settled.qpos[joint.name]
+            qvel[model.jnt_dofadr[index]] = settled.qvel[joint.name]
+        if scene.block is not None:
+            qpos[addresses.object_qpos] = settled.object_qpos
+            qvel[addresses.object_qvel] = settled.object_qvel
+        # Gymnasium-Robotics leaves its mocap body at the origin until the first action moves it.
+        return StartState(qpos, qvel, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))

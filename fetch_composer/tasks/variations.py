@@ -6,6 +6,7 @@ that no episode costs a compilation.
 """
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -94,10 +95,19 @@ class Variations:
     def __bool__(self) -> bool:
         return bool(self._given)
 
-    def fields(self, physical_only: bool = False) -> tuple[str, ...]:
-        """Returns the names of the fields of the compiled model that are written."""
+    def fields(
+        self, expand: Callable[[str], np.ndarray], physical_only: bool = False
+    ) -> dict[str, np.ndarray]:
+        """Returns the fields of the compiled model that are written, by name.
+
+        Args:
+            expand: Returns a field of the model by name, (..., size of the field): () for one
+                simulation and (n,) for many, each with a model of its own.
+            physical_only: Whether to leave out what changes pictures alone.
+        """
         names = [n for n in self._given if n in _PHYSICAL or not physical_only]
-        return tuple(sorted({field for name in names for field in _FIELDS[name]}))
+        fields = sorted({field for name in names for field in _FIELDS[name]})
+        return {field: expand(field) for field in fields}
 
     @property
     def need_set_const(self) -> bool:
@@ -124,10 +134,6 @@ class Variations:
             drawn[name] = value.reshape(-1)
         return drawn
 
-    def physical(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Returns those of the drawn values that change how things move."""
-        return {name: value for name, value in values.items() if name in _PHYSICAL}
-
     @property
     def vary_looks(self) -> bool:
         """Whether light or cameras vary."""
@@ -142,23 +148,23 @@ class Variations:
             self._camera_positions = model.cam_pos[self._cameras].copy()
         self._table = physics.bind(self._scene.table.geom).element_id
         if self._scene.block is not None:
-            self._block = physics.bind(self._scene.block.geom).element_id
-            self._block_type = model.geom_type[self._block]
-            self._block_body = model.geom_bodyid[self._block]
-            self._bounding_volume = model.body_bvhadr[self._block_body]
-            self._material = model.geom_matid[self._block]
-            self._size = model.geom_size[self._block].copy()
-            self._mass = float(model.body_mass[self._block_body])
+            self._object = physics.bind(self._scene.block.geom).element_id
+            self._object_type = model.geom_type[self._object]
+            self._object_body = model.geom_bodyid[self._object]
+            self._bounding_volume = model.body_bvhadr[self._object_body]
+            self._material = model.geom_matid[self._object]
+            self._size = model.geom_size[self._object].copy()
+            self._mass = float(model.body_mass[self._object_body])
 
     def raised(self, values: Mapping[str, np.ndarray]) -> float:
         """Returns by how many m the object's centre rests higher than that of the usual one."""
         if 'object_size' not in values:
             return 0.0
-        return float(self._half_extents(values)[2] - _bounds(self._block_type, self._size)[2])
+        return float(self._half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
 
-    def _block_size(self, values) -> np.ndarray:
+    def _object_size(self, values) -> np.ndarray:
         size, drawn = self._size.copy(), values.get('object_size')
-        used = 3 if self._block_type == mujoco.mjtGeom.mjGEOM_BOX else 2
+        used = 3 if self._object_type == mujoco.mjtGeom.mjGEOM_BOX else 2
         if drawn is not None:
             if drawn.size not in (1, used):
                 raise ValueError(
@@ -168,28 +174,38 @@ class Variations:
         return size
 
     def _half_extents(self, values) -> np.ndarray:
-        return _bounds(self._block_type, self._block_size(values))
+        return _bounds(self._object_type, self._object_size(values))
 
-    def write(self, values: Mapping[str, np.ndarray], field: Callable[[str], np.ndarray]) -> None:
-        """Writes drawn values into fields of a model.
+    def write(
+        self, values: Mapping[str, np.ndarray], fields: Mapping[str, np.ndarray], row: Any = ...
+    ) -> None:
+        """Writes drawn values into the fields of a model.
 
         Args:
             values: What `draw` returned.
-            field: Returns the array of a model's field by name.
+            fields: What `fields` returned; values that need others are not written.
+            row: An index of the simulation to write to; ... if there is but one.
         """
+
+        def field(name: str) -> np.ndarray:
+            return fields[name][row]
+
+        values = {
+            name: value for name, value in values.items() if fields.keys() >= set(_FIELDS[name])
+        }
         if 'object_size' in values:
-            size, half_extents = self._block_size(values), self._half_extents(values)
-            field('geom_size')[self._block] = size
-            field('geom_rbound')[self._block] = np.linalg.norm(half_extents)
-            field('geom_aabb')[self._block][3:] = half_extents
+            size, half_extents = self._object_size(values), self._half_extents(values)
+            field('geom_size')[self._object] = size
+            field('geom_rbound')[self._object] = np.linalg.norm(half_extents)
+            field('geom_aabb')[self._object][3:] = half_extents
             field('bvh_aabb')[self._bounding_volume][3:] = half_extents
         if 'object_size' in values or 'object_mass' in values:
             mass = float(values['object_mass'][0]) if 'object_mass' in values else self._mass
-            field('body_mass')[self._block_body] = mass
-            inertia = _inertia(self._block_type, self._block_size(values), mass)
-            field('body_inertia')[self._block_body] = inertia
+            field('body_mass')[self._object_body] = mass
+            inertia = _inertia(self._object_type, self._object_size(values), mass)
+            field('body_inertia')[self._object_body] = inertia
         if 'friction' in values:
-            field('geom_friction')[[self._block, self._table], 0] = values['friction']
+            field('geom_friction')[[self._object, self._table], 0] = values['friction']
         if 'object_color' in values:
             colour = values['object_color']
             field('mat_rgba')[self._material][: colour.size] = colour

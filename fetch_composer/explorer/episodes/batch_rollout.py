@@ -10,12 +10,10 @@ import pathlib
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from dm_env import specs
 
-from fetch_composer import policies, tasks
+from fetch_composer import policies
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes import episode as rollout
 
@@ -54,7 +52,7 @@ class EpisodeOptions:
 
 
 class PolicyError(RuntimeError):
-    """A policy failed, or gave an action that is none."""
+    """A policy failed, or gave an action that does not fit."""
 
 
 def run_episodes(
@@ -107,17 +105,18 @@ class BatchRollout:
         self._batch = BatchEnvironment(
             options.task, width, num_threads, seed=0, **options.task_kwargs
         )
-        self._row = _Row(
-            self._batch.task,
+        context = policies.PolicyContext(
+            self._batch.task_name,
+            self._batch.options.convention,
             self._batch.single_action_spec(),
             self._batch.single_observation_spec(),
         )
-        self._policy = policies.factory(options.policy, self._row, options.trust_pickle)
+        self._policy = policies.factory(options.policy, context, options.trust_pickle)
         first = next(_rows(self._batch.reset().observation))
-        try_policy(options.policy, self._policy, first, self._row)
+        try_policy(options.policy, self._policy, first, context)
 
     def run(
-        self, seeds: Sequence[int], observe: Callable[[int], None] | None = None
+        self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
     ) -> Iterator[list[rollout.Episode]]:
         """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
 
@@ -126,18 +125,18 @@ class BatchRollout:
 
         Args:
             seeds: A non-negative integer for each episode.
-            observe: Called after every step of the batch, with the number of episodes that
+            on_progress: Called after every step of the batch, with the number of episodes that
                 took it; what it raises ends the run.
 
         Raises:
             PolicyError: if the policy fails.
             PhysicsError: if the physics of an episode diverges.
         """
-        observe = observe or (lambda episodes: None)
+        on_progress = on_progress or (lambda episodes: None)
         for start in range(0, len(seeds), self._num_envs):
-            yield self._run(list(seeds[start : start + self._num_envs]), observe)
+            yield self._run(list(seeds[start : start + self._num_envs]), on_progress)
 
-    def _run(self, seeds: list[int], observe: Callable[[int], None]) -> list[rollout.Episode]:
+    def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[rollout.Episode]:
         count = len(seeds)
         acting = [self._policy(seed) for seed in seeds]
         for policy in acting:
@@ -158,7 +157,7 @@ class BatchRollout:
             observations.append(time_step.observation)
             actions.append(action)
             received.append(time_step.reward)
-            observe(count)
+            on_progress(count)
         arrays = {
             **{name: np.stack([each[name] for each in observations]) for name in observations[0]},
             'action': np.stack(actions),
@@ -184,26 +183,11 @@ class BatchRollout:
         self.close()
 
 
-@dataclasses.dataclass(frozen=True)
-class _Row:
-    """What a policy may ask of an environment, for one of a batch."""
-
-    task: tasks.GoalTask
-    _action_spec: specs.BoundedArray
-    _observation_spec: Mapping[str, specs.Array]
-
-    def action_spec(self) -> specs.BoundedArray:
-        return self._action_spec
-
-    def observation_spec(self) -> Mapping[str, specs.Array]:
-        return self._observation_spec
-
-
 def try_policy(
     name: str,
-    make: Callable[[int | None], policies.Policy],
+    make: policies.PolicyFactory,
     observation: Mapping[str, np.ndarray],
-    env: Any,
+    context: policies.PolicyContext,
 ) -> None:
     """Lets a policy of its own act once, so that a mistake is named before the first step.
 
@@ -211,13 +195,13 @@ def try_policy(
         name: Its name.
         make: What makes it, as `policies.factory` returns it.
         observation: An observation of the environment.
-        env: The environment, or what a policy may ask of one.
+        context: What is known of the environment.
 
     Raises:
         PolicyError: if it fails, or its action does not fit.
     """
     with _failures_named(f'policy {name}, before the first step'):
-        policies.check(make(0), observation, env)
+        policies.check_action(make(0), observation, context)
 
 
 @contextlib.contextmanager

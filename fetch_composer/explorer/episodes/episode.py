@@ -81,21 +81,21 @@ class Rollout:
         self.env = fetch_composer.load(task, **task_kwargs)
         policies.load(policy, self.env)
 
-    def run(self, seed: int, observe: Callable[[int], None] | None = None) -> Episode:
+    def run(self, seed: int, on_progress: Callable[[int], None] | None = None) -> Episode:
         """Returns the episode of that seed, whichever ran before it.
 
         It starts as the first episode of `fetch_composer.load(task, seed=seed)` does.
 
         Args:
             seed: A non-negative integer.
-            observe: Called after the reset and after every step, with the number of steps so far.
+            on_progress: Called after the reset and after every step, with the steps so far.
         """
         self.env.seed(seed)
         policy = policies.load(self._policy, self.env, seed=seed)
         policy.reset()
         time_step = self.env.reset()
-        observe = observe or (lambda step: None)
-        observe(0)
+        on_progress = on_progress or (lambda step: None)
+        on_progress(0)
         observations, actions, received, seconds = [time_step.observation], [], [], 0.0
         while not time_step.last():
             action = policy(time_step.observation)
@@ -105,7 +105,7 @@ class Rollout:
             observations.append(time_step.observation)
             actions.append(action)
             received.append(time_step.reward)
-            observe(len(actions))
+            on_progress(len(actions))
         return Episode(
             seed=seed,
             **{name: np.stack([each[name] for each in observations]) for name in observations[0]},

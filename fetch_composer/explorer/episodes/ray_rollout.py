@@ -134,7 +134,7 @@ class RayRollout:
         self._task = ray.remote(num_cpus=1, max_retries=_MAX_RETRIES)(_run)
 
     def run(
-        self, seeds: Sequence[int], observe: Callable[[int], None] | None = None
+        self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
     ) -> Iterator[list[rollout.Episode]]:
         """Yields the episodes, some at a time, as they are finished: each once, in any order.
 
@@ -142,14 +142,14 @@ class RayRollout:
 
         Args:
             seeds: A non-negative integer for each episode.
-            observe: Called several times a second with the number of control steps that were
+            on_progress: Called several times a second with the number of control steps that were
                 finished since; what it raises ends the run.
 
         Raises:
             RayError: if workers die again and again, or have other code than this process.
             PhysicsError: if the physics of an episode diverges.
         """
-        observe = observe or (lambda steps: None)
+        on_progress = on_progress or (lambda steps: None)
         processors = int(ray.cluster_resources().get('CPU', 1)) or 1
         fair = math.ceil(len(seeds) / (processors * _TASKS_PER_PROCESSOR))
         size = max(1, min(self._num_envs, fair))
@@ -160,13 +160,13 @@ class RayRollout:
         ]
         try:
             while pending:
-                observe(0)
+                on_progress(0)
                 done, waiting = ray.wait(pending[:_MOST_WAITED_FOR], timeout=_POLL_SECONDS)
                 pending = waiting + pending[_MOST_WAITED_FOR:]
                 for each in done:
                     episodes = _result(each)
                     yield episodes
-                    observe(sum(episode.steps for episode in episodes))
+                    on_progress(sum(episode.steps for episode in episodes))
         finally:
             for each in pending:
                 ray.cancel(each)

@@ -13,24 +13,24 @@ class ReplayError(RuntimeError):
     """An episode that was played again did not end where it had ended."""
 
 
-def replay(env, episode: rollout.Episode, observe: Callable[[int], None] | None = None) -> None:
+def replay(env, episode: rollout.Episode, on_progress: Callable[[int], None] | None = None) -> None:
     """Plays an episode again, from its seed and with its actions.
 
     Args:
         env: An environment of the options that the episode was run with.
         episode: The episode.
-        observe: Called after the reset and after every step, with the number of steps so far.
+        on_progress: Called after the reset and after every step, with the number of steps so far.
 
     Raises:
         ReplayError: if it does not end as the episode did.
     """
-    observe = observe or (lambda step: None)
+    on_progress = on_progress or (lambda step: None)
     env.seed(episode.seed)
     time_step = env.reset()
-    observe(0)
+    on_progress(0)
     for step, action in enumerate(episode.action, start=1):
         time_step = env.step(action)
-        observe(step)
+        on_progress(step)
     for name, value in time_step.observation.items():
         error = np.abs(value - getattr(episode, name)[-1]).max()
         if not error <= _TOLERANCE:

@@ -82,12 +82,12 @@ class Studio:
             return None
         return Film(self._film(episode), [Image.fromarray(picture) for picture in pictures])
 
-    def film(self, episode: rollout.Episode, observe: Callable[[int], None]) -> Film:
+    def film(self, episode: rollout.Episode, on_progress: Callable[[int], None]) -> Film:
         """Films an episode while it is replayed.
 
         Args:
             episode: The episode.
-            observe: Called at each step, with the number of steps so far; if it raises, there
+            on_progress: Called at each step, with the number of steps so far; if it raises, there
                 is no film.
 
         Raises:
@@ -99,7 +99,7 @@ class Studio:
         with rendering.film(path, self._fps) as add_picture:
 
             def take(step: int) -> None:
-                observe(step)
+                on_progress(step)
                 picture = self._camera.picture()
                 add_picture(picture)
                 if step in shown:

@@ -8,7 +8,7 @@ from matplotlib import patches
 
 from fetch_composer.explorer.episodes import episode as rollout
 from fetch_composer.explorer.pictures import charts, style
-from fetch_composer.tasks import rewards, scene
+from fetch_composer.tasks import layout, rewards, scene
 
 _MARGIN = 0.05  # m around what is shown: the table, or an episode's ways ...
 _NARROWEST = 0.4  # ... of which no less is shown than this.
@@ -28,7 +28,7 @@ def top_view(
         workspace: Where the table is.
         has_object: Whether the achieved goal is the place of an object, or of the gripper.
     """
-    grippers = [each.observation[:, :2] for each in episodes]
+    grippers = [each.observation[:, layout.WITH_OBJECT.grip_position][:, :2] for each in episodes]
     things = [each.achieved_goal[:, :2] for each in episodes]
     goals = np.stack([each.desired_goal[-1, :2] for each in episodes])
     centre, half = np.array(workspace.table_position[:2]), np.array(workspace.table_half_size[:2])

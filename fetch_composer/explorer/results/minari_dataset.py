@@ -7,8 +7,6 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 try:
     import gymnasium
     import h5py  # noqa: F401
@@ -23,11 +21,10 @@ except ImportError as error:
         f"--dataset needs {error.name}: pip install 'fetch_composer[minari]'."
     ) from error
 
-from fetch_composer import tasks
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.episodes import episode as rollout
 from fetch_composer.explorer.results import recording
-from fetch_composer.interfaces import gymnasium_env
+from fetch_composer.interfaces import gymnasium_common, gymnasium_ids
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
@@ -79,7 +76,7 @@ def save(
         OSError: if it cannot be written.
     """
     check_name(name)
-    env_id = gymnasium_env.env_id(options.task, options.convention, options.reward_type)
+    env_id = gymnasium_ids.env_id(options.task, options.convention, options.reward_type)
     versions = recording.versions()
     folder = get_dataset_path(name)
     with (
@@ -138,5 +135,5 @@ def _buffer(index: int, episode: rollout.Episode) -> EpisodeBuffer:
         rewards=list(episode.reward),
         terminations=[False] * steps,
         truncations=[False] * (steps - 1) + [True],
-        infos={'is_success': tasks.is_success(*goals).astype(np.float64)},
+        infos={'is_success': gymnasium_common.success_info(*goals)},
     )

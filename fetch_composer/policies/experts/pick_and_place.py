@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fetch_composer.policies.experts import motion
+from fetch_composer.tasks.layout import WITH_OBJECT as AT
 
 # Height of the observed grip site above the block's centre, in m, at which the fingers pass over
 # the block: the fingertips are 0.0185 m below the site, the block's top is 0.025 m above its
@@ -33,9 +34,9 @@ class PickAndPlaceExpert:
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """Returns an action, (4,) float32, for an observation in either convention."""
-        gripper = observation['observation'][:3]
-        block = observation['observation'][3:6]
-        fingers = observation['observation'][9:11]
+        seen = observation['observation']
+        gripper, block = seen[AT.grip_position], seen[AT.object_position]
+        fingers = seen[AT.fingers]
         to_block = block - gripper
         distance = np.linalg.norm(to_block)
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fetch_composer.policies.experts import motion
+from fetch_composer.tasks.layout import WITH_OBJECT as AT
 
 # Heights of the observed grip site in m. The fingertips are 0.0185 m below it, the block's top
 # is at 0.45 and the table's surface at 0.4.
@@ -40,8 +41,8 @@ class PushExpert:
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """Returns an action, (4,) float32, for an observation of Push in either convention."""
-        gripper = observation['observation'][:3]
-        block = observation['observation'][3:5]
+        gripper = observation['observation'][AT.grip_position]
+        block = observation['observation'][AT.object_position][:2]
         to_goal = observation['desired_goal'][:2] - block
         distance = np.linalg.norm(to_goal)
         ahead = to_goal / max(distance, _SLOWEST)

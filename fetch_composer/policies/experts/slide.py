@@ -12,6 +12,7 @@ from collections.abc import Generator, Mapping
 import numpy as np
 
 from fetch_composer.policies.experts import motion
+from fetch_composer.tasks.layout import WITH_OBJECT as AT
 
 # A drag ends within this circle about the shoulder: x, y and radius in m. The arm reaches a
 # little further, but no longer at its full speed.
@@ -61,10 +62,10 @@ class SlideExpert:
         """Returns an action, (4,) float32, for an observation of Slide in either convention."""
         seen = observation['observation']
         view = _View(
-            gripper=seen[:3],
-            gripper_velocity=seen[20:23],
-            puck=seen[3:5],
-            puck_velocity=seen[14:16] + seen[20:22],
+            gripper=seen[AT.grip_position],
+            gripper_velocity=seen[AT.grip_velocity],
+            puck=seen[AT.object_position][:2],
+            puck_velocity=(seen[AT.object_velocity] + seen[AT.grip_velocity])[:2],
             goal=observation['desired_goal'][:2],
         )
         if self._plan is None:

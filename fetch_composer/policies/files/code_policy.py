@@ -1,7 +1,8 @@
 """Policies from the user's own code, named as `module:function`.
 
 A function takes an observation and returns an action. A class, or a function with a parameter
-`env` or `seed`, makes a policy: it is called for each episode, with those that it has.
+`context` or `seed`, makes a policy: it is called for each episode, with those that it has. The
+context is a `PolicyContext`: names and specs.
 """
 
 import importlib
@@ -13,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-_PARAMETERS = ('env', 'seed')
+from fetch_composer.policies.protocol import PolicyContext
+
+_PARAMETERS = ('context', 'seed')
 
 
 class CodePolicy:
@@ -39,12 +42,12 @@ class CodePolicy:
         return np.asarray(self._act(observation))
 
 
-def factory(name: str, env: Any) -> Callable[[int | None], CodePolicy]:
+def factory(name: str, context: PolicyContext) -> Callable[[int | None], CodePolicy]:
     """Returns what makes a policy for each seed.
 
     Args:
         name: `module:function`; the module may lie in the working directory.
-        env: Passed to code that has a parameter of that name.
+        context: Passed to code that has a parameter of that name.
 
     Raises:
         ValueError: if there is no such module or function; the message says which.
@@ -74,7 +77,7 @@ def factory(name: str, env: Any) -> Callable[[int | None], CodePolicy]:
         return lambda seed: CodePolicy(found)
 
     def make(seed: int | None) -> CodePolicy:
-        given = {'env': env, 'seed': seed}
+        given = {'context': context, 'seed': seed}
         return CodePolicy(found(**{each: given[each] for each in taken}))
 
     return make

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from fetch_composer.policies.protocol import PolicyContext
+
 _JOINED = ('observation', 'desired_goal')
 _ACTION_NAMES = ('action', 'actions')
 _TYPES = {'tensor(float)': np.float32, 'tensor(double)': np.float64}
@@ -19,21 +21,21 @@ _TYPES = {'tensor(float)': np.float32, 'tensor(double)': np.float64}
 class OnnxPolicy:
     """Asks a network for each action; keeps nothing from one step to the next."""
 
-    def __init__(self, session: Any, path: str, env: Any) -> None:
+    def __init__(self, session: Any, path: str, context: PolicyContext) -> None:
         """Makes sure that the network fits the environment.
 
         Args:
             session: An `onnxruntime.InferenceSession`.
             path: The file, for messages.
-            env: The environment to act in.
+            context: What is known of the environment to act in.
 
         Raises:
             ValueError: if the network's inputs or its output do not fit; the message says how.
         """
         self._session = session
-        sizes = {name: spec.shape[0] for name, spec in env.observation_spec().items()}
+        sizes = {name: spec.shape[0] for name, spec in context.observation_spec.items()}
         self._feeds = _feeds(session.get_inputs(), sizes, path)
-        self._output = _output(session.get_outputs(), env.action_spec().shape[0], path)
+        self._output = _output(session.get_outputs(), context.action_spec.shape[0], path)
 
     def reset(self) -> None:
         """Does nothing: each action depends on the present observation alone."""
@@ -45,11 +47,11 @@ class OnnxPolicy:
         return np.asarray(action, np.float32).reshape(-1)
 
 
-def factory(path: str, env: Any) -> Callable[[int | None], OnnxPolicy]:
+def factory(path: str, context: PolicyContext) -> Callable[[int | None], OnnxPolicy]:
     """Returns what makes the policy of a file, whatever the seed.
 
     Raises:
-        ValueError: if onnxruntime is not installed, the file is none that it can read, or the
+        ValueError: if onnxruntime is not installed, it cannot read the file, or the
             network does not fit; the message says which.
     """
     try:
@@ -66,7 +68,7 @@ def factory(path: str, env: Any) -> Callable[[int | None], OnnxPolicy]:
     except Exception as error:  # The runtime's exceptions have no common class.
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f'{path} cannot be read as ONNX: {reason}') from None
-    policy = OnnxPolicy(session, path, env)
+    policy = OnnxPolicy(session, path, context)
     return lambda seed: policy
 
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from fetch_composer.policies.protocol import PolicyContext
+
 # By the module of their policy class, which the file names in plain text.
 _ALGORITHMS = {
     'stable_baselines3.sac': ('stable_baselines3', 'SAC'),
@@ -46,12 +48,14 @@ class Sb3Policy:
         return np.asarray(action, np.float32)
 
 
-def factory(path: str, env: Any, trust_pickle: bool) -> Callable[[int | None], Sb3Policy]:
+def factory(
+    path: str, context: PolicyContext, trust_pickle: bool
+) -> Callable[[int | None], Sb3Policy]:
     """Returns what makes the policy of a file, whatever the seed.
 
     Args:
         path: The zip file.
-        env: The environment to act in.
+        context: What is known of the environment to act in.
         trust_pickle: Whether code that the file may bring with it may run.
 
     Raises:
@@ -74,7 +78,7 @@ def factory(path: str, env: Any, trust_pickle: bool) -> Callable[[int | None], S
         raise ValueError(
             f'{path} cannot be loaded as {name}: {type(error).__name__}: {error}'
         ) from error
-    _check_spaces(model, path, env)
+    _check_spaces(model, path, context)
     policy = Sb3Policy(model)
     return lambda seed: policy
 
@@ -97,8 +101,8 @@ def _algorithm(path: str) -> tuple[str, str]:
     raise ValueError(f'{path} has a policy of {module}; valid are {", ".join(_ALGORITHMS)}.')
 
 
-def _check_spaces(model: Any, path: str, env: Any) -> None:
-    expected = {name: spec.shape for name, spec in env.observation_spec().items()}
+def _check_spaces(model: Any, path: str, context: PolicyContext) -> None:
+    expected = {name: spec.shape for name, spec in context.observation_spec.items()}
     spaces = getattr(model.observation_space, 'spaces', None)
     if spaces is None:
         raise ValueError(
@@ -108,8 +112,8 @@ def _check_spaces(model: Any, path: str, env: Any) -> None:
     found = {name: tuple(space.shape) for name, space in spaces.items()}
     if found != expected:
         raise ValueError(f'{path} takes the observations {found}, but this task has {expected}.')
-    if tuple(model.action_space.shape) != env.action_spec().shape:
+    if tuple(model.action_space.shape) != context.action_spec.shape:
         raise ValueError(
             f'{path} gives actions of shape {tuple(model.action_space.shape)}, but this task '
-            f'takes {env.action_spec().shape}.'
+            f'takes {context.action_spec.shape}.'
         )

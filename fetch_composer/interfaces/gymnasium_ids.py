@@ -1,0 +1,52 @@
+"""The ids under which Gymnasium knows the tasks.
+
+They are registered by the names of their entry points, so that the adapters are imported only
+when an environment is made.
+"""
+
+from absl import logging
+
+from fetch_composer import tasks
+
+NAMESPACE = 'fetch_composer'
+
+# The versions that Gymnasium-Robotics gave to its page and its code; other tasks are their own.
+_VERSIONS = {'documented': 'v2', 'gymnasium_robotics': 'v4'}
+_OWN_VERSION = 'v0'
+_REWARD_SUFFIXES = {'sparse': '', 'dense': 'Dense'}
+
+_ENTRY_POINT = 'fetch_composer.interfaces.gymnasium_env:FetchEnv'
+_VECTOR_ENTRY_POINT = 'fetch_composer.interfaces.gymnasium_vector:FetchVectorEnv'
+
+
+def env_id(task: str, convention: str = 'documented', reward_type: str = 'sparse') -> str:
+    """Returns the id under which Gymnasium knows a task."""
+    camel_case = ''.join(word.capitalize() for word in task.split('_'))
+    is_published = tasks.conventions_of(task) == tuple(_VERSIONS)
+    version = _VERSIONS[convention] if is_published else _OWN_VERSION
+    suffix = _REWARD_SUFFIXES[reward_type]
+    return f'{NAMESPACE}/Fetch{camel_case}{suffix}-{version}'
+
+
+def register_all() -> None:
+    """Registers every task, those to come included, if there is a Gymnasium to register with."""
+    try:
+        import gymnasium
+    except ImportError:
+        return
+    except Exception as error:  # A broken Gymnasium is no reason to go without the tasks.
+        logging.warning('Gymnasium cannot be used: %s: %s', type(error).__name__, error)
+        return
+
+    def register(task: str) -> None:
+        for convention in tasks.conventions_of(task):
+            for reward_type in _REWARD_SUFFIXES:
+                gymnasium.register(
+                    id=env_id(task, convention, reward_type),
+                    entry_point=_ENTRY_POINT,
+                    vector_entry_point=_VECTOR_ENTRY_POINT,
+                    max_episode_steps=tasks.MAX_EPISODE_STEPS,
+                    kwargs={'task': task, 'reward_type': reward_type, 'convention': convention},
+                )
+
+    tasks.on_register(register)

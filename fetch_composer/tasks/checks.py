@@ -1,0 +1,62 @@
+"""Values that are refused with a message that says what would be valid."""
+
+import contextlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+
+def one_of(name: str, value: Any, valid: Iterable[str]) -> None:
+    """Raises `ValueError`, which lists the valid names, if a value is not one of them."""
+    valid = tuple(valid)
+    if not isinstance(value, str) or value not in valid:
+        raise ValueError(f'Unknown {name} {value!r}; valid are {", ".join(valid)}.')
+
+
+def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
+    """Returns an integer: a Python or NumPy one, or an array of no dimension.
+
+    Args:
+        name: What it is, for the message.
+        value: The value.
+        least: The smallest that is valid, 0 or 1.
+        otherwise: What else would be valid, for the message.
+
+    Raises:
+        ValueError: if it is something else, or too small.
+    """
+    number = None
+    if not isinstance(value, (bool, np.bool_)) and getattr(value, 'dtype', None) != np.bool_:
+        with contextlib.suppress(AttributeError, TypeError):
+            number = value.__index__()
+    if number is None or number < least:
+        kind = {0: 'non-negative', 1: 'positive'}[least]
+        otherwise = f', or {otherwise}' if otherwise else ''
+        raise ValueError(f'{name} must be a {kind} integer{otherwise}; got {value!r}.')
+    return number
+
+
+def positive_integer(name: str, value: Any, otherwise: str = '') -> int:
+    """Returns `integer(name, value, 1, otherwise)`."""
+    return integer(name, value, 1, otherwise)
+
+
+def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Returns a place, (2,) or (3,) in m, as an array.
+
+    Raises:
+        ValueError: if it is not as many finite numbers as `lower` has, between it and `upper`.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.array(np.nan)
+    if array.shape != lower.shape or not np.all(np.isfinite(array)):
+        raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {value!r}.')
+    if np.any(array < lower) or np.any(array > upper):
+        raise ValueError(
+            f'{name} {array.tolist()} is off the table: it must lie between '
+            f'{lower.round(4).tolist()} and {upper.round(4).tolist()} m.'
+        )
+    return array

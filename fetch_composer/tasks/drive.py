@@ -1,0 +1,118 @@
+"""The control law: what an action does to the gripper, and how a start is put in place.
+
+It is written for arrays of shape (...,), of which () is one simulation and (n,) are many.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from dm_env import specs
+
+from fetch_composer.tasks import conventions
+from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.starts import StartState
+
+ACTION_SIZE = 4
+METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
+
+# What Gymnasium-Robotics adds to the gripper's quaternion to get the mocap body's.
+_ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
+_FIXED_ROTATION = np.array(conventions.POINTING_DOWN)
+
+ACTION_SPEC = specs.BoundedArray(
+    shape=(ACTION_SIZE,), dtype=np.float32, minimum=-1, maximum=1, name='dx\tdy\tdz\tgripper'
+)
+
+
+def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
+    """Returns the action with each component clipped to [-1, 1], in its own precision.
+
+    The precision matters: Gymnasium-Robotics scales a float32 action in float32.
+
+    Args:
+        action: (*batch_shape, 4) displacement of the gripper along x, y and z in units of
+            0.05 m, and the opening of its fingers.
+        batch_shape: () for one action.
+
+    Raises:
+        ValueError: if it has another shape or is not finite.
+    """
+    array = np.asarray(action)
+    shape = (*batch_shape, ACTION_SIZE)
+    if array.shape != shape:
+        raise ValueError(f'An action of shape {shape} is needed, got {array.shape}.')
+    if array.dtype.kind not in 'fiu':
+        raise ValueError(f'An action of floats is needed, got dtype {array.dtype}.')
+    if not np.isfinite(array).all():
+        if batch_shape:
+            rows = np.flatnonzero(~np.isfinite(array).all(axis=-1)).tolist()
+            raise ValueError(f'Actions must be finite; rows {rows} are not.')
+        raise ValueError(f'An action must be finite, got {array.tolist()}.')
+    return array.clip(-1, 1)
+
+
+class Drive:
+    """Moves the gripper of one simulation, or of many at once."""
+
+    def __init__(
+        self,
+        bind: Callable[[str], np.ndarray],
+        addresses: Addresses,
+        convention: conventions.Convention,
+        locked_gripper: bool,
+    ) -> None:
+        """Looks up the arrays that it reads and writes.
+
+        Args:
+            bind: Returns a live array of MuJoCo's data by name, (..., size): () for one
+                simulation and (n,) for many.
+            addresses: Where things are in them.
+            convention: Decides on the gripper's rotation and on what a locked gripper is.
+            locked_gripper: Whether the gripper stays closed.
+        """
+        self._additive_rotation = convention.additive_rotation
+        self._locked_gripper = locked_gripper
+        # Fingers that slide within a control step, and are put back at its end.
+        self.loose_fingers = locked_gripper and not convention.rigid_lock
+        # Whether observations are those of the state, or of one substep earlier.
+        self.observes_current_state = locked_gripper or convention.refresh_unlocked
+        self._qpos, self._qvel, self._control = bind('qpos'), bind('qvel'), bind('ctrl')
+        self._fingers = self._qpos[..., addresses.finger_qpos]
+        self._mocap_position = bind('mocap_pos')[..., addresses.mocap, :]
+        self._mocap_quaternion = bind('mocap_quat')[..., addresses.mocap, :]
+        self._gripper_position = bind('xpos')[..., addresses.gripper_link, :]
+        self._gripper_quaternion = bind('xquat')[..., addresses.gripper_link, :]
+
+    def place(self, state: StartState, rows: Any = ...) -> None:
+        """Puts a start in place.
+
+        Args:
+            state: The start.
+            rows: An index of the simulations to write to; ... for all.
+        """
+        self._qpos[rows] = state.qpos
+        self._qvel[rows] = state.qvel
+        self._mocap_position[rows] = state.mocap_position
+        self._mocap_quaternion[rows] = state.mocap_quaternion
+
+    def act(self, action: np.ndarray, rows: Any = ...) -> None:
+        """Asks for what an action asks for, before the physics advances.
+
+        Args:
+            action: (..., 4) clipped actions of those simulations.
+            rows: An index of the simulations to write to; ... for all.
+        """
+        displacement = action[..., :3] * METRES_PER_UNIT
+        self._mocap_position[rows] = self._gripper_position[rows] + displacement
+        if self._additive_rotation:
+            self._mocap_quaternion[rows] = self._gripper_quaternion[rows] + _ADDED_ROTATION
+        else:
+            self._mocap_quaternion[rows] = _FIXED_ROTATION
+        if not self._locked_gripper:
+            self._control[rows] = self._fingers[rows] + action[..., 3:]
+
+    def relock(self, rows: Any = ...) -> None:
+        """Puts loose fingers back, after the physics has advanced."""
+        if self.loose_fingers:
+            self._fingers[rows] = 0

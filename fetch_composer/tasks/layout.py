@@ -1,0 +1,57 @@
+"""Where each part of the vector `observation` is, by name.
+
+    index   with an object                                     without
+    0-2     gripper position                                   0-2
+    3-5     object position
+    6-8     their difference
+    9-10    displacement of the right and left finger          3-4
+    11-13   object's rotation, intrinsic XYZ Euler angles
+    14-16   object's linear velocity less the gripper's
+    17-19   object's angular velocity
+    20-22   gripper's linear velocity                          5-7
+    23-24   velocity of the right and left finger              8-9
+
+Positions are in m, angles in rad, all in global coordinates; velocities are multiplied by the
+control timestep, so that they are in m or rad per control step.
+"""
+
+from typing import NamedTuple
+
+_ABSENT = slice(0)
+
+
+class Layout(NamedTuple):
+    """Slices of an observation's last axis; those of an object are empty without one."""
+
+    size: int
+    grip_position: slice
+    fingers: slice
+    grip_velocity: slice
+    finger_velocities: slice
+    object_position: slice = _ABSENT
+    relative_position: slice = _ABSENT
+    object_rotation: slice = _ABSENT
+    object_velocity: slice = _ABSENT
+    object_spin: slice = _ABSENT
+
+
+WITH_OBJECT = Layout(
+    size=25,
+    grip_position=slice(0, 3),
+    object_position=slice(3, 6),
+    relative_position=slice(6, 9),
+    fingers=slice(9, 11),
+    object_rotation=slice(11, 14),
+    object_velocity=slice(14, 17),
+    object_spin=slice(17, 20),
+    grip_velocity=slice(20, 23),
+    finger_velocities=slice(23, 25),
+)
+
+WITHOUT_OBJECT = Layout(
+    size=10,
+    grip_position=slice(0, 3),
+    fingers=slice(3, 5),
+    grip_velocity=slice(5, 8),
+    finger_velocities=slice(8, 10),
+)

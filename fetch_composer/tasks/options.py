@@ -1,0 +1,60 @@
+"""What may be chosen about a task, whichever task it is."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from fetch_composer.tasks import checks, conventions, rewards
+from fetch_composer.tasks import pixels as pixels_lib
+
+MAX_EPISODE_STEPS = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class TaskOptions:
+    """Options of a task, checked as they are given.
+
+    Attributes:
+        reward_type: 'sparse' or 'dense'.
+        max_episode_steps: Control steps after which an episode is truncated; None for episodes
+            that never end.
+        convention: 'documented' or 'gymnasium_robotics'.
+        object_position: (2,) x and y in m at which the object starts in every episode.
+        goal: (3,) desired goal in m of every episode.
+        observation_mode: 'features' for the vector `observation`, 'pixels' for what cameras see
+            in its place, or 'features+pixels' for both.
+        pixels: {option: value} of `PixelOptions`.
+        variations: {name: variation} of what differs between episodes; see
+            `variations.DESCRIPTIONS`.
+
+    Raises:
+        ValueError: if a value is not valid; the message says what would be. Places are checked
+            by the task, which knows its table.
+    """
+
+    reward_type: str = 'sparse'
+    max_episode_steps: int | None = MAX_EPISODE_STEPS
+    convention: str = 'documented'
+    object_position: Sequence[float] | None = None
+    goal: Sequence[float] | None = None
+    observation_mode: str = 'features'
+    pixels: Mapping | pixels_lib.PixelOptions | None = None
+    variations: Mapping | None = None
+
+    def __post_init__(self) -> None:
+        checks.one_of('reward_type', self.reward_type, rewards.REWARD_TYPES)
+        checks.one_of('convention', self.convention, conventions.CONVENTIONS)
+        checks.one_of('observation_mode', self.observation_mode, pixels_lib.OBSERVATION_MODES)
+        if self.max_episode_steps is not None:
+            steps = checks.positive_integer(
+                'max_episode_steps', self.max_episode_steps, 'None for episodes that never end'
+            )
+            object.__setattr__(self, 'max_episode_steps', steps)
+        object.__setattr__(self, 'pixels', pixels_lib.options(self.pixels))
+
+    @property
+    def object_quaternion(self) -> tuple[float, float, float, float]:
+        """(w, x, y, z) at which the convention starts an object."""
+        return conventions.CONVENTIONS[self.convention].object_quaternion
+
+
+NAMES = tuple(field.name for field in dataclasses.fields(TaskOptions))
