@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from benchmarks import markdown, meters, plot, report, results
+from benchmarks import meters, plot, report, results
 from benchmarks import rows as row_lib
 
 _PAIRS, _WARM_UP = 30, 2
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, and writes them and the plot."""
     options = _parse(arguments)
     for page in options.write:
-        _tables_of(page)  # A page without a place for them is named before minutes are spent.
+        report.tables_of(page)  # A page without a place for them is named before minutes are spent.
     rows, breakdowns = row_lib.all_rows(), row_lib.breakdowns()
     growth_sides = row_lib.growth_sides()
     num_pairs, num_warm_up = options.pairs, _WARM_UP
@@ -85,29 +85,15 @@ def _write(measured: dict[str, Any], output_dir: pathlib.Path) -> None:
     print(f'\nWritten: {", ".join(map(str, written))}')
 
 
-def _tables_of(page: pathlib.Path) -> list[str]:
-    """Returns the names of the tables that a page has a place for.
-
-    Raises:
-        ValueError: if there is none; the message lists the markers that are looked for.
-    """
-    names = (report.SPEED_TABLE, report.SPEED_SUMMARY)
-    found = [name for name in names if markdown.has_markers(page, name)]
-    if not found:
-        markers = ' or '.join(f'<!-- {name} -->' for name in names)
-        raise ValueError(f'{page} must have the marker {markers}, and <!-- end --> after it.')
-    return found
-
-
 def _write_pages(measured: dict[str, Any], pages: Sequence[pathlib.Path]) -> None:
     """Replaces the tables of pages, and a plot beside them, if every row was measured."""
-    if pages and not report.is_complete(measured):
+    if not pages:
+        return
+    if not report.is_complete(measured):
         print(f'Left as they were, for want of some rows: {", ".join(map(str, pages))}')
         return
     for page in pages:
-        tables = report.markdown_tables(measured)
-        for name in _tables_of(page):
-            markdown.write_between_markers(page, name, tables[name])
+        report.write_page(measured, page)
         picture = page.parent / _PLOT
         if 'growth' in measured and picture.exists():
             plot.save(measured, picture)

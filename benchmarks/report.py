@@ -1,5 +1,6 @@
 """Results as text."""
 
+import pathlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -85,6 +86,31 @@ def markdown_tables(results: dict[str, Any]) -> dict[str, str]:
         SPEED_TABLE: f'{_markdown_table(results["rows"])}\n\n{_setting(results["machine"])}',
         SPEED_SUMMARY: _markdown_table([rows[key] for key in HEADLINES]),
     }
+
+
+def tables_of(page: pathlib.Path) -> list[str]:
+    """Returns what the markers of a page say, of those for which there is a table.
+
+    Raises:
+        ValueError: if there is none; the message names the markers.
+    """
+    names = (SPEED_TABLE, SPEED_SUMMARY)
+    found = [name for name in names if markdown.has_markers(page, name)]
+    if not found:
+        markers = ' or '.join(f'<!-- {name} -->' for name in names)
+        raise ValueError(f'{page} must have the line {markers}, once, and <!-- end --> after it.')
+    return found
+
+
+def write_page(results: dict[str, Any], page: pathlib.Path) -> None:
+    """Replaces the tables of a page; every row must have been measured.
+
+    Raises:
+        ValueError: as `tables_of` does.
+    """
+    tables = markdown_tables(results)
+    for name in tables_of(page):
+        markdown.write_between_markers(page, name, tables[name])
 
 
 def _key(row: dict[str, Any]) -> tuple[str, str, str]:

@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from benchmarks import __main__ as bench
 from benchmarks import markdown, report, rows
 from fetch_composer import tasks
 from fetch_composer.tasks import layout, pixels, variations
@@ -195,6 +196,22 @@ def test_the_tables_of_speed_have_the_rows_that_were_measured():
     assert '**2.00** (1.90–2.10) | 1,000 steps/s | 500 steps/s' in tables[report.SPEED_TABLE]
     assert 'on 2 processors (Linux, x86_64)' in tables[report.SPEED_TABLE]
     assert tables[report.SPEED_SUMMARY].count('\n| ') == len(report.HEADLINES) + 1
+
+
+def test_the_tables_of_speed_are_written_into_pages(tmp_path):
+    results = _measured()
+    for page, name in ((_DOCS / 'speed.md', report.SPEED_TABLE), (_README, report.SPEED_SUMMARY)):
+        copy = tmp_path / page.name
+        copy.write_text(page.read_text(encoding='utf-8'), encoding='utf-8')
+        report.write_page(results, copy)
+        assert report.markdown_tables(results)[name] in copy.read_text(encoding='utf-8')
+
+
+def test_a_page_without_a_place_for_a_table_is_named_before_anything_is_measured(tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text('Nothing.')
+    with pytest.raises(ValueError, match='page.md must have the line <!-- speed table: made by'):
+        bench.main(['--write', str(page)])
 
 
 def test_a_table_with_rows_missing_is_incomplete():
