@@ -11,8 +11,8 @@ from dm_control.composer.observation import updater
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import seeding
-from fetch_composer.observables import FreshObservable
+from fetch_composer.tasks import seeding
+from fetch_composer.tasks.observables import FreshObservable
 
 _WARNINGS = tuple(mujoco.mjtWarning.__members__)
 
