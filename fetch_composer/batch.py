@@ -1,7 +1,8 @@
 """Many environments of one task, advanced together on native threads."""
 
+import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import dm_env
@@ -12,6 +13,7 @@ from dm_env import specs
 from fetch_composer import simulations, tasks
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts
+from fetch_composer.tasks.state import State
 
 
 def num_processors() -> int:
@@ -83,7 +85,11 @@ class BatchEnvironment:
                 self._compiled.physics, task_made, self._num_envs, self._num_threads
             )
         self.seed(seed)
+        self._identity, self._variations = task_made.identity, task_made.variations
         self._goals = np.zeros((self._num_envs, 3))
+        self._drawn: list[Mapping[str, np.ndarray]] = [{}] * self._num_envs
+        # For their next episodes; only a state of a single environment brings any.
+        self._given = [starts.Start()] * self._num_envs
         self._steps_taken = np.zeros(self._num_envs, dtype=np.int64)
         self._step_type: np.ndarray = np.full(self._num_envs, dm_env.StepType.LAST)
         self._reset_next_step: np.ndarray = np.ones(self._num_envs, dtype=bool)
@@ -165,11 +171,71 @@ class BatchEnvironment:
             for i, each in zip(ids, given, strict=True)
         ]
         self._simulations.start(ids, drawn)
-        if drawn:
-            self._goals[ids] = [start.goal for start in drawn]
+        for i, start in zip(ids, drawn, strict=True):
+            self._goals[i] = start.goal
+            self._drawn[i], self._given[i] = start.variations, starts.Start()
         self._steps_taken[ids] = 0
         self._step_type[ids] = dm_env.StepType.FIRST
         self._reset_next_step[ids] = False
+
+    def get_states(self, ids=None) -> list[State]:
+        """Returns the states of all environments, or of some, as `Environment.get_state` has them.
+
+        Args:
+            ids: Indices of the environments, or a mask of shape (num_envs,); None for all.
+
+        Raises:
+            ValueError: if an id is not valid.
+        """
+        self._check_open()
+        states = []
+        for i in checks.ids(ids, self._num_envs):
+            physics, gripper_pose = self._simulations.get(i)
+            states.append(
+                State(
+                    **dataclasses.asdict(self._identity),
+                    physics=physics,
+                    gripper_pose=gripper_pose,
+                    goal=self._goals[i].copy(),
+                    steps_taken=int(self._steps_taken[i]),
+                    is_over=bool(self._reset_next_step[i]),
+                    variations=self._drawn[i],
+                    given=self._given[i].given(),
+                    generator=self._random_states[i].get_state(),
+                )
+            )
+        return states
+
+    def set_states(self, states: Sequence[State], ids=None) -> None:
+        """Restores states, each in an environment; the same one may be restored in several.
+
+        Args:
+            states: A state for each id.
+            ids: Indices of the environments, or a mask of shape (num_envs,); None for all.
+
+        Raises:
+            ValueError: if an id is not valid, or a state is of another task, model or version;
+                nothing has changed.
+        """
+        self._check_open()
+        ids = checks.ids(ids, self._num_envs)
+        if len(states) != len(ids):
+            raise ValueError(f'{len(ids)} states are needed, got {len(states)}.')
+        for i, state in zip(ids, states, strict=True):
+            self._identity.check(state)
+            self._variations.check_drawn(state.variations)
+            seeding.check_generator(self._random_states[i], state.generator)
+        order = np.argsort(ids)  # MuJoCo wants them sorted.
+        ids, states = ids[order], [states[i] for i in order]
+        self._simulations.set(ids, states)
+        for i, state in zip(ids, states, strict=True):
+            self._goals[i] = state.goal
+            self._drawn[i], self._given[i] = state.variations, starts.Start.of(state.given)
+            self._steps_taken[i] = state.steps_taken
+            self._reset_next_step[i] = state.is_over
+            running = dm_env.StepType.MID if state.steps_taken else dm_env.StepType.FIRST
+            self._step_type[i] = dm_env.StepType.LAST if state.is_over else running
+            self._random_states[i].set_state(dict(state.generator))
 
     def step(self, actions) -> dm_env.TimeStep:
         """Advances every environment by one control step.
@@ -192,7 +258,7 @@ class BatchEnvironment:
             self._advance(actions, None)
         else:
             finished, ids = np.flatnonzero(~running), np.flatnonzero(running)
-            self._start_episodes(finished, [starts.Start()] * len(finished))
+            self._start_episodes(finished, [self._given[i] for i in finished])
             if len(ids):
                 self._advance(actions[ids], ids)
         return self._time_step(running)

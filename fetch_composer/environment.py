@@ -13,8 +13,11 @@ from dm_env import specs
 
 from fetch_composer.entities.fingerprint import fingerprint
 from fetch_composer.tasks import seeding
+from fetch_composer.tasks.goal_task import GoalTask
 from fetch_composer.tasks.observables import FreshObservable
+from fetch_composer.tasks.state import State
 
+_CLOSED = 'This environment is closed; load another.'
 _WARNINGS = tuple(mujoco.mjtWarning.__members__)
 
 
@@ -84,7 +87,7 @@ class Environment(composer.Environment):
             RuntimeError: if the environment is closed.
         """
         if self._is_closed:
-            raise RuntimeError('This environment is closed; load another.')
+            raise RuntimeError(_CLOSED)
         return super().reset()
 
     def close(self) -> None:
@@ -92,6 +95,41 @@ class Environment(composer.Environment):
         if not self._is_closed:
             self._is_closed = self._reset_next_step = True
             super().close()
+
+    def get_state(self) -> State:
+        """Returns everything that decides on what follows, to be restored with `set_state`.
+
+        It can be pickled, saved (`State.save`), and given to another environment of the same
+        task and model, or to a row of a batch.
+
+        Raises:
+            RuntimeError: if the environment is closed or its task is not a `GoalTask`.
+        """
+        return self._goal_task().get_state(self._random_state, self._reset_next_step)
+
+    def set_state(self, state: State) -> None:
+        """Restores a state: what follows is, to the bit, what followed when it was taken.
+
+        Raises:
+            ValueError: if it is of another task, model or version; nothing has changed.
+            RuntimeError: as for `get_state`.
+        """
+        task = self._goal_task()
+        if self._mjcf_never_compiled:
+            task.identity.check(state)
+            self.reset()
+        task.set_state(self._physics_proxy, state, self._random_state)
+        self._reset_next_step = state.is_over
+        self._warnings[:] = 0
+        if self._observers is None:  # Buffers start anew, as after a reset.
+            self._observation_updater.reset(self._physics_proxy, self._random_state)
+
+    def _goal_task(self) -> GoalTask:
+        if self._is_closed:
+            raise RuntimeError(_CLOSED)
+        if not isinstance(self._task, GoalTask):
+            raise RuntimeError('Only environments of a GoalTask have a state to take.')
+        return self._task
 
     def __reduce_ex__(self, protocol):
         raise TypeError(

@@ -4,7 +4,7 @@ Both start, advance and are observed alike; a single one does without what threa
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import mujoco
@@ -15,6 +15,7 @@ from dm_control import mjcf
 from fetch_composer import tasks
 from fetch_composer.tasks import drive, observation
 from fetch_composer.tasks.starts import Start
+from fetch_composer.tasks.state import State, get_physics, set_physics
 
 
 class Simulations(Protocol):
@@ -30,6 +31,12 @@ class Simulations(Protocol):
             actions: (n, 4) clipped actions of those simulations.
             ids: (n,) which ones, in order; None for all.
         """
+
+    def get(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns MuJoCo's integration state of one, and (7,) its gripper's pose."""
+
+    def set(self, ids: np.ndarray, states: Sequence[State]) -> None:
+        """Restores physics and variations of some; `ids` are in order."""
 
     def achieved_goal(self) -> np.ndarray:
         """Returns (n, 3) positions in m, new arrays."""
@@ -77,15 +84,32 @@ class ManySimulations:
     def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
         """Puts starts in place; `ids` are in order."""
         states = [self._starts.state(start) for start in starts]
-        if self._varied:
-            for i, start in zip(ids, starts, strict=True):
-                self._variations.write(start.variations, self._varied, i)
-            if self._variations.need_set_const:
-                self._sims.set_const(ids)
-        self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._vary(ids, [start.variations for start in starts])
         for i, state in zip(ids, states, strict=True):
             self._drive.place(state, i)
         self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def _vary(self, ids: np.ndarray, values: Sequence[Mapping[str, np.ndarray]]) -> None:
+        """Writes what was drawn, and resets the simulations."""
+        if self._varied:
+            for i, each in zip(ids, values, strict=True):
+                self._variations.write(each, self._varied, i)
+            if self._variations.need_set_const:
+                self._sims.set_const(ids)
+        self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def get(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns MuJoCo's integration state of one, and (7,) its gripper's pose."""
+        return self._sims.state[i].copy(), self._drive.gripper_pose(i)
+
+    def set(self, ids: np.ndarray, states: Sequence[State]) -> None:
+        """Restores physics and variations of some; `ids` are in order."""
+        self._vary(ids, [state.variations for state in states])
+        for i, state in zip(ids, states, strict=True):
+            self._sims.state[i] = state.physics
+        self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+        for i, state in zip(ids, states, strict=True):
+            self._drive.set_gripper_pose(state.gripper_pose, i)
 
     def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
         """Advances some by a control step; returns the ids of those that have diverged."""
@@ -143,12 +167,28 @@ class OneSimulation:
         """Puts a start in place, unless `ids` are empty."""
         for start in starts:
             state = self._starts.state(start)
-            if self._varied:
-                self._variations.write(start.variations, self._varied)
-                if self._variations.need_set_const:
-                    mujoco.mj_setConst(self._model, self._data)
+            self._vary(start.variations)
             with self._physics.reset_context():
                 self._drive.place(state)
+
+    def _vary(self, values: Mapping[str, np.ndarray]) -> None:
+        if self._varied:
+            self._variations.write(values, self._varied)
+            if self._variations.need_set_const:
+                mujoco.mj_setConst(self._model, self._data)
+
+    def get(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns MuJoCo's integration state, and (7,) the gripper's pose."""
+        del i  # Unused.
+        return get_physics(self._model, self._data), self._drive.gripper_pose()
+
+    def set(self, ids: np.ndarray, states: Sequence[State]) -> None:
+        """Restores physics and variations, unless `ids` are empty."""
+        for state in states:
+            self._vary(state.variations)
+            self._physics.reset()
+            set_physics(self._model, self._data, state.physics)
+            self._drive.set_gripper_pose(state.gripper_pose)
 
     def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
         """Advances by a control step; returns [0] if it has diverged."""

@@ -15,6 +15,7 @@ from fetch_composer import suite
 from fetch_composer.interfaces import gymnasium_common
 from fetch_composer.interfaces.gymnasium_common import gymnasium
 from fetch_composer.tasks import camera, checks, rewards, seeding
+from fetch_composer.tasks.state import State
 
 _RENDER_MODES = ('human', 'rgb_array', 'depth_array')
 
@@ -161,6 +162,16 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
 
     def _info(self) -> dict[str, Any]:
         return {'is_success': np.float32(self._env.task.is_success())}
+
+    def get_state(self) -> State:
+        """Returns everything that decides on what follows, but for Gymnasium's wrappers."""
+        self._check_open()
+        return self._env.get_state()
+
+    def set_state(self, state: State) -> None:
+        """Restores a state; see `Environment.set_state`."""
+        self._check_open()
+        self._env.set_state(state)
 
     def render(self):
         """Returns a picture as the render mode asks, or None for 'human' and for no mode."""

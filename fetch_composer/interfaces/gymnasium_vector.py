@@ -1,5 +1,6 @@
 """Many environments of one task as a Gymnasium vector environment: the native batch."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.interfaces import gymnasium_common
 from fetch_composer.interfaces.gymnasium_common import gymnasium
+from fetch_composer.tasks.state import State
 
 
 class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv):
@@ -84,6 +86,14 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
             truncated,
             self._info(time_step),
         )
+
+    def get_states(self, ids=None) -> list[State]:
+        """Returns the states of all environments, or of some; see `BatchEnvironment`."""
+        return self._batch.get_states(ids)
+
+    def set_states(self, states: Sequence[State], ids=None) -> None:
+        """Restores states, each in an environment; see `BatchEnvironment`."""
+        self._batch.set_states(states, ids)
 
     def _info(self, time_step) -> dict[str, np.ndarray]:
         achieved, desired = (time_step.observation[k] for k in ('achieved_goal', 'desired_goal'))

@@ -98,6 +98,8 @@ class Drive:
         self._mocap_quaternion = bind('mocap_quat')[..., addresses.mocap, :]
         self._gripper_position = bind('xpos')[..., addresses.gripper_link, :]
         self._gripper_quaternion = bind('xquat')[..., addresses.gripper_link, :]
+        # Poses of a restored state that do not follow from its physics, NaN where there is none.
+        self._restored: np.ndarray | None = None
 
     def place(self, state: StartState, rows: Any = ...) -> None:
         """Puts a start in place.
@@ -110,6 +112,31 @@ class Drive:
         self._qvel[rows] = state.qvel
         self._mocap_position[rows] = state.mocap_position
         self._mocap_quaternion[rows] = state.mocap_quaternion
+        self._forget_restored(rows)
+
+    def gripper_pose(self, rows: Any = ...) -> np.ndarray:
+        """Returns (..., 7) position in m and quaternion from which an action moves the gripper."""
+        pose = np.concatenate(
+            (self._gripper_position[rows], self._gripper_quaternion[rows]), axis=-1
+        )
+        if self._restored is None:
+            return pose
+        restored = self._restored[rows]
+        return np.where(np.isnan(restored), pose, restored)
+
+    def set_gripper_pose(self, pose: np.ndarray, rows: Any = ...) -> None:
+        """Sets what `gripper_pose` returns, until the physics advances."""
+        if self.observes_current_state:
+            return  # It follows from the state, to the bit.
+        if self._restored is None:
+            self._restored = np.full((*self._gripper_position.shape[:-1], 7), np.nan)
+        self._restored[rows] = pose
+
+    def _forget_restored(self, rows: Any) -> None:
+        if self._restored is not None:
+            self._restored[rows] = np.nan
+            if np.isnan(self._restored).all():
+                self._restored = None
 
     def act(self, action: np.ndarray, rows: Any = ...) -> None:
         """Asks for what an action asks for, before the physics advances.
@@ -119,12 +146,17 @@ class Drive:
             rows: An index of the simulations to write to; ... for all.
         """
         displacement = action[..., :3] * METRES_PER_UNIT
+        position, quaternion = self._gripper_position, self._gripper_quaternion
+        if self._restored is not None:
+            pose = self.gripper_pose()
+            position, quaternion = pose[..., :3], pose[..., 3:]
+            self._forget_restored(rows)
         if rows is ...:
-            np.add(self._gripper_position, displacement, out=self._mocap_position)
+            np.add(position, displacement, out=self._mocap_position)
         else:
-            self._mocap_position[rows] = self._gripper_position[rows] + displacement
+            self._mocap_position[rows] = position[rows] + displacement
         if self._additive_rotation:
-            self._mocap_quaternion[rows] = self._gripper_quaternion[rows] + _ADDED_ROTATION
+            self._mocap_quaternion[rows] = quaternion[rows] + _ADDED_ROTATION
         else:
             self._mocap_quaternion[rows] = _FIXED_ROTATION
         if not self._locked_gripper:

@@ -1,8 +1,9 @@
 """A goal-conditioned manipulation task for the Fetch, of which Push and its kin are instances."""
 
 import collections
+import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -11,7 +12,17 @@ from dm_control.composer import variation
 from dm_env import specs
 
 from fetch_composer import entities
-from fetch_composer.tasks import conventions, drive, observation, pixels, rewards, scene, starts
+from fetch_composer.tasks import (
+    conventions,
+    drive,
+    observation,
+    pixels,
+    rewards,
+    scene,
+    seeding,
+    starts,
+)
+from fetch_composer.tasks import state as state_lib
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.options import TaskOptions
@@ -30,6 +41,7 @@ class GoalTask(composer.Task):
 
     Attributes:
         name: Name under which the task is registered.
+        identity: What a state must share with it, once it is compiled.
         conventions: Names of the conventions that it has.
         options: The options that it was given.
         convention: The choices that its convention makes.
@@ -91,7 +103,7 @@ class GoalTask(composer.Task):
             settled if self.convention.settled_start else None,
         )
         self.starts.fix(self.starts.check(options.object_position, options.goal))
-        self._next_episode = starts.Start()
+        self._next_episode = self._start = starts.Start()
         self._goal: np.ndarray = np.zeros(3)
         self._steps_taken = 0
 
@@ -181,28 +193,65 @@ class GoalTask(composer.Task):
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
         self._target_rgba = model.site_rgba[physics.bind(self.scene.target.site).element_id]
+        self.identity = state_lib.identity(self.name, self.options.convention, model)
         self.starts.compile(physics, self.addresses)
 
     def initialize_episode(self, physics, random_state) -> None:
         start = self.starts.draw(random_state, self._next_episode)
         if start.variations:
-            self._vary(physics, start)
+            self._vary(physics, start.variations)
         state = self.starts.state(start)
-        self._next_episode = starts.Start()
+        self._start, self._next_episode = start, starts.Start()
         self._steps_taken = 0
-        self._goal = np.array(start.goal)
         self._drive.place(state)
-        self._model.body_pos[self.addresses.target] = self._goal
+        self._set_goal(start.goal)
         self._target_rgba[:] = entities.target_rgba(achieved=False)
 
-    def _vary(self, physics, start: starts.Start) -> None:
-        self.variations.write(start.variations, self._varied)
+    def _set_goal(self, goal: np.ndarray | None) -> None:
+        self._goal = np.array(goal)
+        self._model.body_pos[self.addresses.target] = self._goal
+
+    def _vary(self, physics, values: Mapping[str, np.ndarray]) -> None:
+        self.variations.write(values, self._varied)
         if self.variations.need_set_const:
             # Computed by the way, these would move the far plane of every camera.
             extent, centre = self._model.stat.extent, self._model.stat.center.copy()
             mujoco.mj_setConst(self._model, self._data)
             self._model.stat.extent, self._model.stat.center[:] = extent, centre
         physics.reset()  # Neither leaves the state as it was.
+
+    # -- The whole state -----------------------------------------------------------------------
+
+    def get_state(self, random_state: np.random.RandomState, is_over: bool) -> state_lib.State:
+        """Returns the state; see `Environment.get_state`."""
+        return state_lib.State(
+            **dataclasses.asdict(self.identity),
+            physics=state_lib.get_physics(self._model, self._data),
+            gripper_pose=self._drive.gripper_pose(),
+            goal=self._goal.copy(),
+            steps_taken=self._steps_taken,
+            is_over=is_over,
+            variations=self._start.variations,
+            given=self._next_episode.given(),
+            generator=random_state.get_state(legacy=False),
+        )
+
+    def set_state(
+        self, physics, state: state_lib.State, random_state: np.random.RandomState
+    ) -> None:
+        """Restores a state; see `Environment.set_state`."""
+        self.identity.check(state)
+        self.variations.check_drawn(state.variations)
+        seeding.check_generator(random_state, state.generator)
+        random_state.set_state(dict(state.generator))
+        if state.variations:
+            self._vary(physics, state.variations)
+        state_lib.set_physics(self._model, self._data, state.physics)
+        self._drive.set_gripper_pose(state.gripper_pose)
+        self._start = starts.Start(variations=state.variations)
+        self._next_episode = starts.Start.of(state.given)
+        self._steps_taken = state.steps_taken
+        self._set_goal(state.goal)
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.

@@ -1,5 +1,8 @@
 """Seeds, and the generator that they give: Gymnasium's own."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from fetch_composer.tasks import checks
@@ -65,3 +68,13 @@ def random_state(seed) -> np.random.RandomState:
     if isinstance(seed, np.random.RandomState):
         return seed
     return SeededRandomState(check_seed(seed))
+
+
+def check_generator(generator: np.random.RandomState, state: Mapping[str, Any]) -> None:
+    """Raises `ValueError` if the state of another kind of generator was taken."""
+    needed = generator.get_state(legacy=False)['bit_generator']
+    if state['bit_generator'] != needed:
+        raise ValueError(
+            f'The state has a generator of kind {state["bit_generator"]}; this environment draws '
+            f'from {needed}. Seed both in the same way.'
+        )

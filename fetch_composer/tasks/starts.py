@@ -39,6 +39,16 @@ class Start:
     goal: np.ndarray | None = None
     variations: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
+    @classmethod
+    def of(cls, given: Mapping[str, np.ndarray]) -> 'Start':
+        """Returns a start with the places that `given` has returned."""
+        return cls(given.get('object_position'), given.get('goal'))
+
+    def given(self) -> dict[str, np.ndarray]:
+        """Returns the places that are not None, by name."""
+        places = {'object_position': self.object_position, 'goal': self.goal}
+        return {name: place for name, place in places.items() if place is not None}
+
 
 @dataclasses.dataclass(frozen=True)
 class StartState:

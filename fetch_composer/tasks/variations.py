@@ -114,6 +114,14 @@ class Variations:
         """Whether `mj_setConst` must follow, since masses vary."""
         return not _NEED_SET_CONST.isdisjoint(self._given)
 
+    def check_drawn(self, values: Mapping[str, np.ndarray]) -> None:
+        """Raises `ValueError` if values are not those of these variations, by name."""
+        if set(values) != set(self._given):
+            raise ValueError(
+                f'The state varies {", ".join(sorted(values)) or "nothing"}; this environment '
+                f'varies {", ".join(sorted(self._given)) or "nothing"}.'
+            )
+
     def draw(self, random_state: np.random.RandomState) -> dict[str, np.ndarray]:
         """Returns {name: value} for one episode.
 

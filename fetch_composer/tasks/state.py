@@ -1,0 +1,149 @@
+"""The state of an environment: everything that decides on what follows."""
+
+import dataclasses
+import hashlib
+import json
+import pathlib
+import zipfile
+from collections.abc import Mapping
+from importlib import metadata
+from typing import Any
+
+import mujoco
+import numpy as np
+
+_PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
+_SEPARATOR = '/'
+
+# What of a compiled model decides on motion; of geoms, only those that touch things count.
+_BODY_FIELDS = (
+    'body_mass', 'body_inertia', 'body_ipos', 'body_iquat', 'body_pos', 'body_quat',
+    'body_gravcomp', 'jnt_type', 'jnt_range', 'jnt_axis', 'jnt_stiffness', 'dof_damping',
+    'dof_armature', 'eq_data', 'eq_solref', 'eq_solimp', 'actuator_gainprm', 'actuator_ctrlrange',
+)  # fmt: skip
+_GEOM_FIELDS = ('geom_type', 'geom_size', 'geom_pos', 'geom_quat', 'geom_friction', 'geom_solref')
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """State of one environment, alone or in a batch.
+
+    Attributes:
+        task_name: Name of its task.
+        convention: Name of its convention.
+        model: A digest of what of its model decides on motion.
+        version: Version of MuJoCo.
+        physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`).
+        gripper_pose: (7,) position in m and quaternion from which the next action moves the
+            gripper; with a free gripper Gymnasium-Robotics reads it one substep late.
+        goal: (3,) desired goal in m.
+        steps_taken: Control steps since the episode started.
+        is_over: Whether the next step starts another episode.
+        variations: What was drawn for this episode, by name.
+        given: What was given for the next episode: `object_position`, `goal`, or neither.
+        generator: State of the generator, as `numpy.random.RandomState.get_state` returns it.
+    """
+
+    task_name: str
+    convention: str
+    model: str
+    version: str
+    physics: np.ndarray
+    gripper_pose: np.ndarray
+    goal: np.ndarray
+    steps_taken: int
+    is_over: bool
+    variations: Mapping[str, np.ndarray]
+    given: Mapping[str, np.ndarray]
+    generator: Mapping[str, Any]
+
+    def save(self, path: str | pathlib.Path) -> None:
+        """Writes the state to an npz file, without pickles."""
+        arrays: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name == 'generator':
+                arrays[field.name] = json.dumps(value, default=lambda array: array.tolist())
+            elif isinstance(value, Mapping):
+                arrays.update({f'{field.name}{_SEPARATOR}{k}': v for k, v in value.items()})
+            else:
+                arrays[field.name] = value
+        with open(path, 'wb') as file:
+            np.savez(file, **arrays)
+
+    @classmethod
+    def load(cls, path: str | pathlib.Path) -> 'State':
+        """Returns the state in a file that `save` has written.
+
+        Raises:
+            ValueError: if it holds none.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = dict(file)
+            values: dict[str, Any] = {'variations': {}, 'given': {}}
+            for name, array in arrays.items():
+                field, _, key = name.partition(_SEPARATOR)
+                if key:
+                    values[field][key] = array
+                else:
+                    values[field] = array if array.ndim else array.item()
+            values['generator'] = json.loads(values['generator'])
+            return cls(**values)
+        except (OSError, KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            if isinstance(error, FileNotFoundError):
+                raise
+            raise ValueError(f'{path} does not hold the state of an environment.') from None
+
+
+@dataclasses.dataclass(frozen=True)
+class Identity:
+    """What two environments must share for a state of one to fit the other."""
+
+    task_name: str
+    convention: str
+    model: str
+    version: str
+
+    def check(self, state: State) -> None:
+        """Raises `ValueError`, which says what differs, if a state is not of this identity."""
+        if not isinstance(state, State):
+            raise ValueError(f'A State is needed, as get_state returns it; got {state!r:.80}.')
+        found = {name: getattr(state, name) for name in dataclasses.asdict(self)}
+        differing = [
+            f'{name} ({found[name]}, not {needed})'
+            for name, needed in dataclasses.asdict(self).items()
+            if found[name] != needed
+        ]
+        if differing:
+            raise ValueError(
+                f'The state is of another environment: it differs in {", ".join(differing)}.'
+            )
+
+
+def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity:
+    """Returns the identity of an environment whose model has just been compiled."""
+    touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
+    for name in _BODY_FIELDS:
+        digest.update(np.ascontiguousarray(getattr(model, name)).tobytes())
+    for name in _GEOM_FIELDS:
+        digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
+    version = metadata.version('mujoco')
+    return Identity(task_name, convention, digest.hexdigest()[:16], version)
+
+
+def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Returns MuJoCo's integration state, a new array."""
+    physics = np.empty(mujoco.mj_stateSize(model, _PHYSICS))
+    mujoco.mj_getState(model, data, physics, _PHYSICS)
+    return physics
+
+
+def set_physics(model: mujoco.MjModel, data: mujoco.MjData, physics: np.ndarray) -> None:
+    """Puts a simulation into a state, and brings positions and velocities up to date."""
+    mujoco.mj_setState(model, data, np.asarray(physics, dtype=np.float64), _PHYSICS)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    mujoco.mj_camlight(model, data)

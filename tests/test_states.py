@@ -1,0 +1,181 @@
+"""States: what follows a restored one is, to the bit, what followed when it was taken."""
+
+import dataclasses
+import pickle
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from dm_control.composer.variation import distributions
+
+import fetch_composer
+from fetch_composer.tasks.state import State
+from tests import episodes
+
+_VARIATIONS = {
+    'object_size': distributions.Uniform(0.02, 0.03),
+    'object_mass': distributions.Uniform(1.0, 3.0),
+    'friction': distributions.Uniform(0.3, 1.0),
+}
+
+
+@pytest.fixture(params=[False, True], ids=['plain', 'varied'])
+def options(request, task_name, convention):
+    varied = request.param and task_name != 'reach'
+    return {'convention': convention, 'variations': _VARIATIONS if varied else None}
+
+
+def _taken(env, steps=17):
+    """Returns a state within the second episode, and what follows it, two resets included."""
+    episodes.run(env, episodes.uniform_actions(51 + steps, seed=1))
+    state = env.get_state()
+    return state, [env.step(action) for action in episodes.uniform_actions(90, seed=2)]
+
+
+def _follows(env):
+    return [env.step(action) for action in episodes.uniform_actions(90, seed=2)]
+
+
+def test_the_same_environment_goes_on_as_it_did(task_name, options):
+    env = fetch_composer.load(task_name, seed=3, **options)
+    state, expected = _taken(env)
+    for _ in range(2):
+        env.set_state(state)
+        episodes.assert_same(_follows(env), expected)
+
+
+@pytest.mark.parametrize('steps', [0, 17, 49])
+def test_another_environment_goes_on_as_the_first_did(task_name, options, steps, tmp_path):
+    state, expected = _taken(fetch_composer.load(task_name, seed=3, **options), steps)
+    state.save(tmp_path / 'state.npz')
+    for copied in (pickle.loads(pickle.dumps(state)), State.load(tmp_path / 'state.npz')):
+        other = fetch_composer.load(task_name, seed=8, **options)
+        other.set_state(copied)
+        episodes.assert_same(_follows(other), expected)
+
+
+def test_a_batch_goes_on_as_single_environments_and_they_as_it(task_name, options):
+    singles = [fetch_composer.load(task_name, seed=i, **options) for i in range(2)]
+    taken = [_taken(single, 10 + i) for i, single in enumerate(singles)]
+    batch = fetch_composer.BatchEnvironment(task_name, 3, seed=50, **options)
+    batch.reset()
+    batch.set_states([state for state, _ in taken], [2, 0])
+    back = fetch_composer.load(task_name, seed=9, **options)
+    (again,) = batch.get_states([2])
+    back.set_state(again)
+    episodes.assert_same(_follows(back), taken[0][1])
+    for i, action in enumerate(episodes.uniform_actions(90, seed=2)):
+        time_step = batch.step(np.tile(action, (3, 1)))
+        for row, (_, expected) in ((2, taken[0]), (0, taken[1])):
+            assert time_step.step_type[row] == expected[i].step_type
+            for name, value in expected[i].observation.items():
+                np.testing.assert_allclose(
+                    time_step.observation[name][row], value, rtol=0, atol=1e-15
+                )
+
+
+@pytest.mark.parametrize('num_envs', [1, 4])
+def test_one_state_has_as_many_futures_as_one_likes(task_name, convention, num_envs):
+    batch = fetch_composer.BatchEnvironment(task_name, num_envs, seed=0, convention=convention)
+    batch.reset()
+    for actions in episodes.uniform_actions(12, batch_shape=(num_envs,)):
+        batch.step(actions)
+    (state,) = batch.get_states([0])
+    batch.set_states([state] * num_envs)
+    for action in episodes.uniform_actions(60, seed=4):
+        observation = batch.step(np.tile(action, (num_envs, 1))).observation['observation']
+        np.testing.assert_array_equal(observation, observation[:1].repeat(num_envs, axis=0))
+
+
+def test_what_was_given_for_the_next_episode_is_part_of_it():
+    env = fetch_composer.load('push', seed=0)
+    episodes.run(env, episodes.uniform_actions(5))
+    env.task.set_next_episode(goal=(1.2, 0.7, 0.43))
+    state = env.get_state()
+    other = fetch_composer.load('push', seed=1)
+    other.set_state(state)
+    np.testing.assert_array_equal(other.reset().observation['desired_goal'], (1.2, 0.7, 0.43))
+
+
+_OTHER_PROCESS = """
+import sys
+import fetch_composer
+from fetch_composer.tasks.state import State
+from tests import episodes
+env = fetch_composer.load('slide', seed=77)
+env.set_state(State.load(sys.argv[1]))
+steps = [env.step(action) for action in episodes.uniform_actions(60, seed=2)]
+print([value.hex() for step in steps for value in step.observation['observation']])
+"""
+
+
+def test_another_process_goes_on_as_the_first_did(tmp_path):
+    state, expected = _taken(fetch_composer.load('slide', seed=3))
+    state.save(tmp_path / 'state.npz')
+    command = [sys.executable, '-c', _OTHER_PROCESS, str(tmp_path / 'state.npz')]
+    result = subprocess.run(command, capture_output=True, text=True)
+    values = [v.hex() for step in expected[:60] for v in step.observation['observation']]
+    assert result.stdout.strip() == str(values), result.stderr
+
+
+def test_a_state_of_another_environment_is_refused_and_nothing_changes():
+    env = fetch_composer.load('push', seed=0)
+    actions = episodes.uniform_actions(8)
+    episodes.run(env, actions)
+    kept = env.get_state()
+    expected = _follows(env)
+    varied = fetch_composer.load('push', seed=0, variations={'object_mass': 1.0})
+    reach = fetch_composer.load('reach', seed=0)
+    for other in varied, reach:
+        other.reset()
+    refused = [
+        (reach.get_state(), r'task_name \(reach, not push\)'),
+        (varied.get_state(), 'varies object_mass; this environment varies nothing'),
+        (dataclasses.replace(kept, version='3.0'), r'version \(3.0, not'),
+        (dataclasses.replace(kept, convention='gymnasium_robotics'), 'convention'),
+        ('state', 'A State is needed'),
+        (
+            fetch_composer.load('push', seed=np.random.RandomState(0)).get_state(),
+            'generator of kind MT19937',
+        ),
+    ]
+    env.set_state(kept)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0)
+    batch.reset()
+    for state, message in refused:
+        with pytest.raises(ValueError, match=message):
+            env.set_state(state)
+        with pytest.raises(ValueError, match=message):
+            batch.set_states([kept, state])
+    with pytest.raises(ValueError, match='2 states are needed, got 1'):
+        batch.set_states([kept])
+    episodes.assert_same(_follows(env), expected)
+
+
+@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 cut off'])
+def test_a_file_that_holds_no_state_is_named(tmp_path, content):
+    path = tmp_path / 'state.npz'
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match='state.npz does not hold the state'):
+        State.load(path)
+
+
+def test_through_gymnasium():
+    env = gym.make('fetch_composer/FetchPush-v4').unwrapped
+    env.reset(seed=0)
+    actions = episodes.uniform_actions(10)
+    for action in actions:
+        env.step(action)
+    state = env.get_state()
+    expected = [env.step(action)[0]['observation'] for action in actions]
+    env.set_state(state)
+    np.testing.assert_array_equal([env.step(a)[0]['observation'] for a in actions], expected)
+    vector = gym.make_vec('fetch_composer/FetchPush-v4', num_envs=2)
+    vector.reset(seed=5)
+    vector.set_states([state, state])
+    np.testing.assert_array_equal(vector.get_states([1])[0].physics, state.physics)
+    for action, value in zip(actions, expected, strict=True):
+        observation = vector.step(np.tile(action, (2, 1)))[0]['observation']
+        np.testing.assert_allclose(observation, [value, value], rtol=0, atol=1e-15)
