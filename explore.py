@@ -18,6 +18,7 @@ from absl import app, flags, logging
 
 if typing.TYPE_CHECKING:
     from fetch_composer.explorer import run as run_lib
+    from fetch_composer.explorer.results import writing
 
 flags.DEFINE_string('task', 'push', 'Task to run: push, reach, slide or pick_and_place.')
 flags.DEFINE_multi_string(
@@ -118,7 +119,7 @@ def _flag_values(options_class) -> dict[str, typing.Any]:
     }
 
 
-def _report(run: 'run_lib.Run', written: Sequence['run_lib.Written']) -> None:
+def _report(run: 'run_lib.Run', written: Sequence['writing.Written']) -> None:
     if run.continued:
         print(f'Continued: {run.continued} episodes were there already.')
     if run.stopped_by:

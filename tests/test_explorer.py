@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 import fetch_composer
+from fetch_composer.explorer import files
 from fetch_composer.explorer import run as run_lib
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import rendering
-from fetch_composer.explorer.results import recording
+from fetch_composer.explorer.pictures import contact_sheet
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _EXPLORE = str(_ROOT / 'explore.py')
@@ -317,19 +316,6 @@ def test_the_package_itself_needs_no_extra():
 # -- Rooms -----------------------------------------------------------------------------------------
 
 
-def test_an_episode_depends_on_its_seed_alone():
-    first = rollout.Rollout('push', 'random', max_episode_steps=20)
-    first.run(0)
-    first.run(1)
-    repeated = first.run(3)
-    fresh = rollout.Rollout('push', 'random', max_episode_steps=20).run(3)
-    for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
-        np.testing.assert_array_equal(getattr(repeated, name), getattr(fresh, name))
-    start = fetch_composer.load('push', seed=3).reset().observation
-    np.testing.assert_array_equal(fresh.observation[0], start['observation'])
-    np.testing.assert_array_equal(fresh.desired_goal[0], start['desired_goal'])
-
-
 def test_every_task_can_be_explored(tmp_path):
     for task in fetch_composer.ALL:
         folder = tmp_path / task
@@ -354,11 +340,11 @@ def test_an_earlier_run_leaves_no_films_behind_that_could_be_taken_for_new_ones(
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path):
     path = tmp_path / 'file.txt'
-    with recording.whole_file(path) as partial:
+    with files.whole_file(path) as partial:
         partial.write_text('whole')
         assert not path.exists()
     assert path.read_text() == 'whole'
-    with pytest.raises(RuntimeError), recording.whole_file(path) as partial:
+    with pytest.raises(RuntimeError), files.whole_file(path) as partial:
         partial.write_text('ha')
         raise RuntimeError
     assert path.read_text() == 'whole'
@@ -367,6 +353,6 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
 
 @pytest.mark.parametrize(('steps', 'shown'), [(50, 8), (7, 8), (3, 4), (1, 2)])
 def test_a_contact_sheet_shows_start_and_end_and_no_step_twice(steps, shown):
-    selected = rendering.shown_steps(steps)
+    selected = contact_sheet.shown_steps(steps)
     assert len(selected) == len(set(selected)) == shown
     assert selected[0] == 0 and selected[-1] == steps

@@ -12,10 +12,11 @@ from PIL import Image
 
 from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.pictures import filming
-from fetch_composer.explorer.report import page as report
+from fetch_composer.explorer.pictures.film import Film
+from fetch_composer.explorer.report import page as page_lib
 from fetch_composer.explorer.results import compare
 from fetch_composer.explorer.results.candidate import Candidate
+from fetch_composer.explorer.results.setting import Setting
 from fetch_composer.tasks import registry
 
 _EVIL = '<script>alert("x")</script>$a_b$ & \'"'
@@ -65,17 +66,17 @@ def episodes():
 @pytest.fixture(scope='module')
 def setting():
     task = registry.make('push')
-    return report.Setting(task.workspace, True, 0.04)
+    return Setting('push', 'documented', task.workspace, True, 0.04)
 
 
 def _film(tmp_path):
     path = tmp_path / 'film.mp4'
     path.write_bytes(b'a film')
-    return filming.Film(path, [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3)
+    return Film(path, [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3)
 
 
 def _render(options, candidates, setting, comparisons=(), stopped=False):
-    return report.render(options, candidates, comparisons, setting, {'mujoco': '3'}, stopped)
+    return page_lib.render(options, candidates, comparisons, setting, {'mujoco': '3'}, stopped)
 
 
 def test_the_page_needs_nothing_beside_it(tmp_path, episodes, setting):
@@ -105,7 +106,7 @@ def test_a_row_for_each_episode_failures_and_the_furthest_first(episodes, settin
 
 def test_the_command_of_an_episode_runs_exactly_that_one():
     options = _options(policy=('random', "it's"), reward_type='dense')
-    words = shlex.split(report.replay_command(options, options.policy, 5))
+    words = shlex.split(page_lib.replay_command(options, options.policy, 5))
     assert words[:2] == ['python', 'explore.py']
     assert '--policy=random' in words and "--policy=it's" in words
     for flag in ('seed=5', 'episodes=1', 'task=push', 'reward_type=dense', 'max_episode_steps=6',
@@ -145,21 +146,21 @@ def test_few_episodes_are_reported_too(episodes, setting, count):
 
 
 def test_long_lists_are_cut_and_say_so(episodes, setting, monkeypatch):
-    monkeypatch.setattr(report, 'MOST_ROWS', 3)
+    monkeypatch.setattr(page_lib, 'MOST_ROWS', 3)
     page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
     assert [tag for tag, _ in page.elements].count('details') == 3
     assert '1 more episodes are listed in summary.json' in page.text
 
 
 def test_many_episodes_are_folded_away(episodes, setting, monkeypatch):
-    monkeypatch.setattr(report, 'FIRST_ROWS', 1)
+    monkeypatch.setattr(page_lib, 'FIRST_ROWS', 1)
     page = _Page(_render(_options(), [Candidate('random', '1', True, episodes)], setting))
     assert [tag for tag, _ in page.elements].count('details') == 4 + 1
     assert 'Show 3 more' in page.text
 
 
 def test_films_beyond_the_page_are_linked(tmp_path, episodes, setting, monkeypatch):
-    monkeypatch.setattr(report, 'MOST_FILMS', 1)
+    monkeypatch.setattr(page_lib, 'MOST_FILMS', 1)
     films = {2: _film(tmp_path), 0: _film(tmp_path)}
     page = _Page(_render(_options(), [Candidate('random', '1', True, episodes, films)], setting))
     assert set(page.all('a', 'href')) == {'#film-2', 'episode_000.mp4'}

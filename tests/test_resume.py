@@ -11,10 +11,13 @@ import time
 import numpy as np
 import pytest
 
+import fetch_composer
+from fetch_composer.explorer import files
 from fetch_composer.explorer import run as run_lib
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import filming
-from fetch_composer.explorer.results import recording, store
+from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.pictures import film
+from fetch_composer.explorer.results import store
+from tests import episodes
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_envs=4')
@@ -61,7 +64,7 @@ def _arrays(folder):
 
 
 def _figures(folder):
-    summary = recording.load_json(folder / 'summary.json')
+    summary = files.load_json(folder / 'summary.json')
     del summary['wall_seconds']
     for each in summary.get('policies', [summary]):
         del each['control_steps_per_second']
@@ -179,7 +182,7 @@ def test_an_unreadable_file_of_the_store_is_run_again(tmp_path):
 
 def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypatch):
     _run_stopped(_options(tmp_path), after=4)
-    monkeypatch.setattr(store, 'code_digest', lambda: 'other')
+    monkeypatch.setattr(origins, 'code_digest', lambda: 'other')
     with pytest.raises(ValueError, match='differs in code'):
         run_lib.Run(_options(tmp_path), None)
 
@@ -189,12 +192,12 @@ def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypa
 
 def test_episodes_to_film_are_chosen_over_all_policies():
     distances = [[0.1, 0.5, 0.0, 0.2], [0.3, 0.1, 0.0, 0.0]]
-    assert filming.choose(distances, 'worst', 3) == [1, 0, 3]
-    assert filming.choose(distances, 'best', 2) == [2, 3]
-    assert filming.choose(distances, 'first', 2) == [0, 1]
-    assert filming.choose(distances, 'all', 2) == [0, 1, 2, 3]
-    assert filming.choose(distances, 'none', 2) == []
-    assert filming.choose(distances, 'worst', 9) == [1, 0, 3, 2]
+    assert film.choose(distances, 'worst', 3) == [1, 0, 3]
+    assert film.choose(distances, 'best', 2) == [2, 3]
+    assert film.choose(distances, 'first', 2) == [0, 1]
+    assert film.choose(distances, 'all', 2) == [0, 1, 2, 3]
+    assert film.choose(distances, 'none', 2) == []
+    assert film.choose(distances, 'worst', 9) == [1, 0, 3, 2]
 
 
 def test_a_film_that_is_there_is_not_taken_again(tmp_path):
@@ -205,21 +208,21 @@ def test_a_film_that_is_there_is_not_taken_again(tmp_path):
             self.pictures += 1
             return np.full((64, 96, 3), 2 * self.pictures, np.uint8)
 
-    single = rollout.Rollout('push', 'random', max_episode_steps=4)
-    episode, camera = single.run(5), Camera()
-    studio = filming.Studio(tmp_path / 'films', single.env, camera, 25)
-    assert studio.kept(episode) is None
+    env = fetch_composer.load('push', max_episode_steps=4)
+    episode = episodes.record(env, 'random', 5)
+    films = film.Films(tmp_path / 'films', env, Camera(), 25)
+    assert films.kept(episode) is None
 
     def interrupt(step):
         if step == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        studio.film(episode, interrupt)
-    assert studio.kept(episode) is None
-    film = studio.film(episode, lambda step: None)
-    kept = studio.kept(episode)
-    assert kept.path == film.path and film.path.stat().st_size > 0
-    assert len(kept.thumbnails) == len(film.thumbnails) == 5
-    for one, other in zip(kept.thumbnails, film.thumbnails, strict=True):
+        films.take(episode, interrupt)
+    assert films.kept(episode) is None
+    taken = films.take(episode, lambda step: None)
+    kept = films.kept(episode)
+    assert kept.path == taken.path and taken.path.stat().st_size > 0
+    assert len(kept.thumbnails) == len(taken.thumbnails) == 5
+    for one, other in zip(kept.thumbnails, taken.thumbnails, strict=True):
         np.testing.assert_array_equal(np.asarray(one), np.asarray(other))

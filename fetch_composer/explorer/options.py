@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.pictures import filming, rendering
+from fetch_composer.explorer.pictures import film
 
 _UNFIT_FOR_A_NAME = re.compile(r'[^A-Za-z0-9._-]+')
 _LONGEST_NAME = 40
@@ -25,7 +25,7 @@ class Options:
         reward_type: 'sparse' or 'dense'.
         max_episode_steps: Control steps of an episode.
         num_envs: How many episodes run at a time; it changes none of them.
-        films: Which episodes to film, one of `filming.CHOICES`.
+        films: Which episodes to film, one of `film.CHOICES`.
         num_films: How many of them.
         camera: Name of a camera.
         width: Width of the film in pixels.
@@ -70,8 +70,8 @@ class Options:
             raise ValueError('policy must name at least one.')
         if len(set(self.policy)) < len(self.policy):
             raise ValueError('policy names the same one twice; two that differ can be compared.')
-        filming.check_choice(self.films)
-        rendering.check_film_format(self.width, self.height, self.fps)
+        film.check_choice(self.films)
+        film.check_format(self.width, self.height, self.fps)
         if self.ray is not None:
             from fetch_composer.explorer.episodes import ray_rollout
 

@@ -2,46 +2,25 @@
 
 import contextlib
 import dataclasses
-import re
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import tqdm
 
 import fetch_composer
 from fetch_composer import policies
-from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer import files, signals
+from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
-from fetch_composer.explorer.pictures import filming, plots, rendering
-from fetch_composer.explorer.report import page as report
-from fetch_composer.explorer.results import compare, recording, store
+from fetch_composer.explorer.pictures import camera, film
+from fetch_composer.explorer.report import page
+from fetch_composer.explorer.results import compare, store, summary, titles, writing
 from fetch_composer.explorer.results.candidate import Candidate
+from fetch_composer.explorer.results.setting import Setting
 
-__all__ = ('Options', 'Run', 'Written')
-
-TRAJECTORIES = 'trajectories.npz'
-SUMMARY = 'summary.json'
-REPORT = 'report.html'
-PROGRESS = 'progress.png'
-CONTACT_SHEET = 'contact_sheet.png'
-_OWN_NAME = re.compile(
-    r'(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
-)
-
-
-@dataclasses.dataclass(frozen=True)
-class Written:
-    """Files of one kind that a run has written into its folder.
-
-    Attributes:
-        names: Their names.
-        content: What is in them.
-    """
-
-    names: Sequence[str]
-    content: str
+__all__ = ('Options', 'Run')
 
 
 class Run:
@@ -71,9 +50,8 @@ class Run:
         for policy in options.policy:
             make = policies.factory(policy, context, options.trust_pickle)
             batch_rollout.try_policy(policy, make, self._env.reset().observation, context)
-        self._control_timestep = self._env.control_timestep()
-        self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
-        recording.prepare_folder(options.folder)
+        self._camera = camera.Camera(self._env, options.camera, options.width, options.height)
+        files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, self._identity(), fresh)
         self.candidates = [
             Candidate(policy, f'{number}_{file_name(policy)}', len(options.policy) == 1)
@@ -95,22 +73,9 @@ class Run:
     @property
     def results(self) -> list[str]:
         """Says of each policy, in one line, how its finished episodes went."""
-        lines = []
-        for each in self.candidates:
-            if not each.episodes:
-                continue
-            figures = recording.summarize(each.episodes)
-            distance_cm = 100 * figures['final_distance_m']['mean']
-            lines.append(
-                (f'{each.policy}: ' if len(self.candidates) > 1 else '')
-                + f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
-                f'{len(each.episodes)}; mean distance {distance_cm:.1f} cm; '
-                f'mean return {figures["return"]["mean"]:.4g}; '
-                f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
-            )
-        return lines
+        return [titles.result(each) for each in self.candidates if each.episodes]
 
-    def run(self) -> list[Written]:
+    def run(self) -> list[writing.Written]:
         """Runs the episodes that are not finished yet, and writes the files.
 
         On SIGINT or SIGTERM the present episodes are dropped and `stopped_by` is set; files tell
@@ -124,13 +89,13 @@ class Run:
             ReplayError: if a film does not show what happened.
         """
         started = time.perf_counter()
-        with _signals_noted() as noted:
+        with signals.noted() as noted:
 
             def on_progress() -> None:
                 if noted:
-                    raise _Stopped
+                    raise signals.Stopped
 
-            with contextlib.suppress(_Stopped):
+            with contextlib.suppress(signals.Stopped):
                 self._run_episodes(on_progress)
                 self._take_films(on_progress)
             # A signal that comes later finds nothing left to be stopped.
@@ -207,7 +172,7 @@ class Run:
         if self._gl_backend is None:
             return []
         distances = [[e.distance[-1] for e in each.episodes] for each in self.candidates]
-        return filming.choose(distances, self.options.films, self.options.num_films)
+        return film.choose(distances, self.options.films, self.options.num_films)
 
     def _take_films(self, on_progress: Callable[[], None]) -> None:
         options, chosen = self.options, self._chosen()
@@ -228,111 +193,38 @@ class Run:
 
             for each in self.candidates:
                 folder = self._store.folder(each.key, f'films_{look}')
-                studio = filming.Studio(folder, self._env, self._camera, options.fps)
+                films = film.Films(folder, self._env, self._camera, options.fps)
                 for index in chosen:
                     episode = each.episodes[index]
-                    film = studio.kept(episode)
-                    if film is None:
-                        film = studio.film(episode, advance)
-                    else:
+                    kept = films.kept(episode)
+                    if kept is not None:
                         bar.update(options.max_episode_steps + 1)
-                    each.films[index] = film
+                    each.films[index] = kept or films.take(episode, advance)
 
-    def _write(self, wall_seconds: float) -> list[Written]:
-        folder = self.options.folder
-        names_before = recording.load_json(folder / SUMMARY).get('files', ())
+    def _write(self, wall_seconds: float) -> list[writing.Written]:
         candidates = [each for each in self.candidates if each.episodes]
-        for each in candidates:
-            (folder / each.path('')).mkdir(exist_ok=True)
-        comparisons = self._comparisons()
-        self._write_report(candidates, comparisons)
-        written = [
-            Written((REPORT,), 'all of it on one page, films included'),
-            *self._write_pictures([each for each in candidates if each.films]),
-            *self._write_data(candidates),
-        ]
-        names = [name for each in written for name in each.names]
-        summary = self._summary(wall_seconds, comparisons)
-        recording.save_json(folder / SUMMARY, {**summary, 'files': names})
-
-        # A film of an earlier and longer run would be taken for one of this run.
-        for name in set(names_before) - set(names):
-            if isinstance(name, str) and _OWN_NAME.fullmatch(name):
-                (folder / name).unlink(missing_ok=True)
-                with contextlib.suppress(OSError):  # Of the folder itself, or one not empty.
-                    (folder / name).parent.rmdir()
-        return written
-
-    def _comparisons(self) -> list[compare.Comparison]:
-        """Returns the comparison of the first policy with each other."""
-        first, *others = self.candidates
-        compared = [
-            compare.compare(first.policy, first.episodes, each.policy, each.episodes)
-            for each in others
-        ]
-        return [each for each in compared if each is not None]
-
-    def _write_report(
-        self, candidates: Sequence[Candidate], comparisons: Sequence[compare.Comparison]
-    ) -> None:
-        task = self._env.task
-        page = report.render(
+        comparisons = compare.compare_all(self.candidates)
+        setting = Setting.of(self._env)
+        report = page.render(
             self.options,
             candidates,
             comparisons,
-            report.Setting(task.workspace, task.scene.block is not None, self._control_timestep),
-            recording.versions(),
+            setting,
+            origins.versions(),
             stopped=self.stopped_by is not None,
         )
-        recording.save_text(self.options.folder / REPORT, page)
+        figures = {
+            'flags': dataclasses.asdict(self.options),
+            'episodes_finished': self.finished,
+            'stopped_by': self.stopped_by.name if self.stopped_by else None,
+            'wall_seconds': round(wall_seconds, 2),
+            'gl_backend': self._gl_backend,
+            'versions': origins.versions(),
+            **summary.of_run(candidates, comparisons),
+        }
+        return writing.write(self.options.folder, candidates, setting, report, figures)
 
-    def _write_pictures(self, candidates: Sequence[Candidate]) -> list[Written]:
-        sheets, films = [], []
-        for each in candidates:
-            strips = [
-                rendering.Strip(index, each.episodes[index], film.thumbnails)
-                for index, film in list(each.films.items())[: rendering.MAX_ROWS]
-            ]
-            title = self._title(each)
-            if len(strips) < len(each.episodes):
-                title += f' · {len(strips)} are shown'
-            sheets.append(each.path(CONTACT_SHEET))
-            rendering.save_contact_sheet(
-                self.options.folder / sheets[-1], strips, title, self._control_timestep
-            )
-            for index, film in each.films.items():
-                films.append(each.film_path(index))
-                recording.copy(film.path, self.options.folder / films[-1])
-        if not films:
-            return []
-        return [
-            Written(sheets, 'a row of pictures for each film'),
-            Written(sorted(films), 'films'),
-        ]
-
-    def _write_data(self, candidates: Sequence[Candidate]) -> list[Written]:
-        folder = self.options.folder
-        for each in candidates:
-            plots.save_progress(
-                folder / each.path(PROGRESS),
-                each.episodes,
-                self._title(each),
-                self._control_timestep,
-            )
-            recording.save_trajectories(folder / each.path(TRAJECTORIES), each.episodes)
-        return [
-            Written(
-                [each.path(PROGRESS) for each in candidates],
-                'distance to the goal and return over time',
-            ),
-            Written(
-                [each.path(TRAJECTORIES) for each in candidates],
-                'observations, actions and rewards, for numpy.load',
-            ),
-            Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
-        ]
-
-    def _write_dataset(self) -> list[Written]:
+    def _write_dataset(self) -> list[writing.Written]:
         if self.options.dataset is None:
             return []
         from fetch_composer.explorer.results import minari_dataset
@@ -343,15 +235,11 @@ class Run:
             self.options.of_episodes(candidate.policy),
             candidate.episodes,
         )
-        return [Written([str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})')]
-
-    def _title(self, candidate: Candidate) -> str:
-        """Says in one line what was run and how it went."""
-        reached = sum(episode.is_success for episode in candidate.episodes)
-        return (
-            f'{self.options.task} · {candidate.policy} · {self.options.convention}: '
-            f'{reached} of {len(candidate.episodes)} end at the goal'
-        )
+        return [
+            writing.Written(
+                [str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})'
+            )
+        ]
 
     def _identity(self) -> dict[str, Any]:
         options = dataclasses.asdict(self.options.of_episodes(''))
@@ -359,55 +247,6 @@ class Run:
         return {
             **options,
             'policies': [[each, policies.digest(each)] for each in self.options.policy],
-            'versions': recording.versions(),
-            'code': store.code_digest(),
+            'versions': origins.versions(),
+            'code': origins.code_digest(),
         }
-
-    def _summary(
-        self, wall_seconds: float, comparisons: Sequence[compare.Comparison]
-    ) -> dict[str, Any]:
-        summary = {
-            'flags': dataclasses.asdict(self.options),
-            'episodes_finished': self.finished,
-            'stopped_by': self.stopped_by.name if self.stopped_by else None,
-            'wall_seconds': round(wall_seconds, 2),
-            'gl_backend': self._gl_backend,
-            'versions': recording.versions(),
-        }
-        if len(self.candidates) == 1:
-            return {**summary, **recording.summarize(self.candidates[0].episodes)}
-        return {
-            **summary,
-            'comparisons': [each.figures() for each in comparisons],
-            'policies': [
-                {'policy': each.policy, **recording.summarize(each.episodes)}
-                for each in self.candidates
-                if each.episodes
-            ],
-        }
-
-
-class _Stopped(Exception):
-    """Ends an episode that a signal has interrupted."""
-
-
-@contextlib.contextmanager
-def _signals_noted() -> Iterator[list[signal.Signals]]:
-    """Gives a list to which SIGINT and SIGTERM are added, so that files are written to the end.
-
-    A second signal interrupts at once.
-    """
-    noted: list[signal.Signals] = []
-
-    def note(number, frame) -> None:
-        del frame  # Unused.
-        if noted:
-            raise KeyboardInterrupt
-        noted.append(signal.Signals(number))
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield noted
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fetch_composer import policies
 from fetch_composer.batch import BatchEnvironment
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 
 # A batch of one rounds its observations differently; from two on, all are equal to the bit.
 _FEWEST = 2
@@ -60,7 +60,7 @@ def run_episodes(
     seeds: Sequence[int],
     num_envs: int = 64,
     num_threads: int | None = None,
-) -> list[rollout.Episode]:
+) -> list[Episode]:
     """Returns the episodes of some seeds, in their order.
 
     Args:
@@ -117,11 +117,11 @@ class BatchRollout:
 
     def run(
         self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
-    ) -> Iterator[list[rollout.Episode]]:
+    ) -> Iterator[list[Episode]]:
         """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
 
-        Each is the episode that `rollout.Rollout.run` returns for its seed, to within rounding,
-        and the same to the bit for any `num_envs`.
+        Each is what the policy does in `fetch_composer.load(task, seed=seed)`, to within
+        rounding, and the same to the bit for any `num_envs`.
 
         Args:
             seeds: A non-negative integer for each episode.
@@ -136,7 +136,7 @@ class BatchRollout:
         for start in range(0, len(seeds), self._num_envs):
             yield self._run(list(seeds[start : start + self._num_envs]), on_progress)
 
-    def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[rollout.Episode]:
+    def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[Episode]:
         count = len(seeds)
         acting = [self._policy(seed) for seed in seeds]
         for policy in acting:
@@ -164,7 +164,7 @@ class BatchRollout:
             'reward': np.stack(received),
         }
         return [
-            rollout.Episode(
+            Episode(
                 seed=seed,
                 **{name: np.ascontiguousarray(array[:, row]) for name, array in arrays.items()},
                 step_seconds=seconds / count,

@@ -23,9 +23,8 @@ except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
 from fetch_composer import batch, policies
-from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.results import recording, store
+from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes.episode import Episode
 
 LOCAL = 'local'
 
@@ -135,7 +134,7 @@ class RayRollout:
 
     def run(
         self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
-    ) -> Iterator[list[rollout.Episode]]:
+    ) -> Iterator[list[Episode]]:
         """Yields the episodes, some at a time, as they are finished: each once, in any order.
 
         They are those of `BatchRollout.run` to the bit, from processors of one kind.
@@ -181,7 +180,7 @@ class RayRollout:
         self.close()
 
 
-def _result(reference) -> list[rollout.Episode]:
+def _result(reference) -> list[Episode]:
     try:
         return ray.get(reference)
     except ray.exceptions.RayTaskError as error:
@@ -199,7 +198,7 @@ def _one_line(error: Exception) -> str:
 
 def _run(
     options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
-) -> list[rollout.Episode]:
+) -> list[Episode]:
     batch_of_worker = _batch(options, num_envs)  # Loads the policy.
     here = _origins(options.policy)
     differing = sorted(name for name in needed if here.get(name) != needed[name])
@@ -220,5 +219,5 @@ def _batch(options: batch_rollout.EpisodeOptions, num_envs: int) -> batch_rollou
 @functools.lru_cache(maxsize=1)
 def _origins(policy: str) -> _Origins:
     """Returns versions and digests of what decides on episodes, in this process."""
-    versions = {name: each for name, each in recording.versions().items() if name != 'python'}
-    return {**versions, 'code': store.code_digest(), 'policy': policies.digest(policy)}
+    versions = {name: each for name, each in origins.versions().items() if name != 'python'}
+    return {**versions, 'code': origins.code_digest(), 'policy': policies.digest(policy)}

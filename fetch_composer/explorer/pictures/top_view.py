@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib import lines as line_marks
 from matplotlib import patches
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import charts, style
 from fetch_composer.tasks import layout, rewards, scene
 
@@ -18,9 +18,7 @@ _TABLE = '#f1efe9'
 _GRIPPERS_OF = 12  # With more episodes than these, only the objects' ways are drawn.
 
 
-def top_view(
-    episodes: Sequence[rollout.Episode], workspace: scene.Workspace, has_object: bool
-) -> str:
+def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object: bool) -> str:
     """Returns an SVG of the ways in the plane of the table; x points away from the robot.
 
     Args:
@@ -66,7 +64,7 @@ def top_view(
     return result[0]
 
 
-def _mark(axes, things, goals: np.ndarray, episodes: Sequence[rollout.Episode]) -> None:
+def _mark(axes, things, goals: np.ndarray, episodes: Sequence[Episode]) -> None:
     """Marks starts, ends and goals; with many episodes the starts are left out."""
     few = len(episodes) <= _GRIPPERS_OF
     reached = np.array([each.is_success for each in episodes])

@@ -1,7 +1,6 @@
 """The report of a run: one page of HTML that needs no other file and no network."""
 
 import base64
-import dataclasses
 import io
 import pathlib
 import shlex
@@ -12,33 +11,18 @@ import jinja2
 import numpy as np
 from PIL import Image
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.options import Options
 from fetch_composer.explorer.pictures import charts, style, top_view
 from fetch_composer.explorer.results import compare, statistics
 from fetch_composer.explorer.results.candidate import Candidate
-from fetch_composer.tasks import scene
+from fetch_composer.explorer.results.setting import Setting
 
 MOST_FILMS = 24  # Within the page; more of them stay beside it.
 FIRST_ROWS = 50  # Of the episodes, before one asks for more.
 MOST_ROWS = 1000
 _TEMPLATE = 'report.html.j2'
 _THUMBNAIL_QUALITY = 82
-
-
-@dataclasses.dataclass(frozen=True)
-class Setting:
-    """What a report has to know of the task.
-
-    Attributes:
-        workspace: Where the table is.
-        has_object: Whether the task has an object, whose place the achieved goal is.
-        control_timestep: Seconds from one control step to the next.
-    """
-
-    workspace: scene.Workspace
-    has_object: bool
-    control_timestep: float
 
 
 def render(
@@ -55,7 +39,7 @@ def render(
         options: What was asked for.
         candidates: The policies, with one finished episode or more each.
         comparisons: Of the first policy with each other.
-        setting: What has to be known of the task.
+        setting: What is to be said of the task.
         versions: Versions of what decides on an episode.
         stopped: Whether the run was stopped before its end.
     """
@@ -209,7 +193,7 @@ def _rows(
     options: Options, candidates: Sequence[Candidate], shown: Sequence[int]
 ) -> list[dict[str, Any]]:
     """Returns a row for each seed, those with most failures and then the furthest ones first."""
-    by_seed: dict[int, list[rollout.Episode | None]] = {}
+    by_seed: dict[int, list[Episode | None]] = {}
     for column, candidate in enumerate(candidates):
         for episode in candidate.episodes:
             by_seed.setdefault(episode.seed, [None] * len(candidates))[column] = episode

@@ -2,8 +2,8 @@
 
 import dataclasses
 
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import filming
+from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.pictures.film import Film
 
 
 @dataclasses.dataclass
@@ -21,8 +21,8 @@ class Candidate:
     policy: str
     key: str
     is_alone: bool
-    episodes: list[rollout.Episode] = dataclasses.field(default_factory=list)
-    films: dict[int, filming.Film] = dataclasses.field(default_factory=dict)
+    episodes: list[Episode] = dataclasses.field(default_factory=list)
+    films: dict[int, Film] = dataclasses.field(default_factory=dict)
 
     def path(self, name: str) -> str:
         """Returns the path of one of its files within the run's folder."""

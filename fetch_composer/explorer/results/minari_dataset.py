@@ -21,9 +21,9 @@ except ImportError as error:
         f"--dataset needs {error.name}: pip install 'fetch_composer[minari]'."
     ) from error
 
-from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.results import recording
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.interfaces import gymnasium_common, gymnasium_ids
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
@@ -49,7 +49,7 @@ def check_name(name: str) -> None:
         ) from None
     try:
         path = get_dataset_path(name)
-        recording.prepare_folder(get_dataset_path())
+        files.prepare_folder(get_dataset_path())
     except OSError as error:
         raise ValueError(
             f'No dataset can be written: {error}. {_FOLDER_VARIABLE} says where to.'
@@ -62,7 +62,7 @@ def check_name(name: str) -> None:
 
 
 def save(
-    name: str, options: batch_rollout.EpisodeOptions, episodes: Sequence[rollout.Episode]
+    name: str, options: batch_rollout.EpisodeOptions, episodes: Sequence[Episode]
 ) -> pathlib.Path:
     """Writes episodes as a dataset, whole or not at all, and returns its folder.
 
@@ -77,7 +77,7 @@ def save(
     """
     check_name(name)
     env_id = gymnasium_ids.env_id(options.task, options.convention, options.reward_type)
-    versions = recording.versions()
+    versions = origins.versions()
     folder = get_dataset_path(name)
     with (
         # Minari takes no notice of hidden folders, and finds its own by an environment variable.
@@ -121,7 +121,7 @@ def _datasets_in(folder: str) -> Iterator[None]:
             os.environ[_FOLDER_VARIABLE] = before
 
 
-def _buffer(index: int, episode: rollout.Episode) -> EpisodeBuffer:
+def _buffer(index: int, episode: Episode) -> EpisodeBuffer:
     steps = episode.steps
     goals = (episode.achieved_goal, episode.desired_goal)
     return EpisodeBuffer(
