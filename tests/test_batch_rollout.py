@@ -10,15 +10,16 @@ import pytest
 
 import fetch_composer
 from fetch_composer.explorer.episodes import batch_rollout, replay
+from fetch_composer.tasks import TaskOptions
 from tests import episodes as acting
 
 _ARRAYS = ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward')
 _STEPS = 25
 
 
-def _options(**changes):
-    defaults = {'task': 'push', 'policy': 'random', 'max_episode_steps': _STEPS}
-    return batch_rollout.EpisodeOptions(**{**defaults, **changes})
+def _options(task='push', policy='random', **task_options):
+    task_options = TaskOptions(**{'max_episode_steps': _STEPS, **task_options})
+    return batch_rollout.EpisodeOptions(task, policy, task_options)
 
 
 def _assert_equal(episodes, others, tolerance=0.0):

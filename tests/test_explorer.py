@@ -1,6 +1,5 @@
 """explore.py and the files that it writes, driven as a user drives it."""
 
-import dataclasses
 import json
 import os
 import pathlib
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer.explorer import files
+from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.pictures import contact_sheet
 
@@ -54,15 +53,8 @@ def _summary(folder):
 
 
 def _options(**changes):
-    options = run_lib.Options(
-        task='push', policy=('zero',), episodes=1, seed=0, convention='documented',
-        reward_type='sparse', max_episode_steps=3, num_envs=4, films='worst',
-        num_films=5, camera='front', width=96, height=64, fps=25,
-        trust_pickle=False, output_dir=None,
-    )  # fmt: skip
-    if 'policy' in changes:
-        changes['policy'] = (changes['policy'],)
-    return dataclasses.replace(options, **changes)
+    small = {'policy': ['zero'], 'episodes': 1, 'max_episode_steps': 3, 'width': 96, 'height': 64}
+    return flags.make_options({**small, **changes})
 
 
 # -- A whole run, with pictures --------------------------------------------------------------------
@@ -250,7 +242,7 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
     ('changes', 'message'),
     [
         ({'task': 'pusch'}, r"Unknown task 'pusch'; valid are .*push"),
-        ({'policy': 'exprt'}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
+        ({'policy': ['exprt']}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
         (
             {'convention': 'v1'},
             r"Unknown convention 'v1'; valid are documented, gymnasium_robotics",
@@ -259,10 +251,10 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
         ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
         ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
         ({'films': 'funny'}, r"Unknown films 'funny'; valid are worst, best, first, all, none"),
-        ({'num_films': 0}, r'num_films must be a positive integer, got 0'),
-        ({'num_envs': -1}, r'num_envs must be a positive integer, got -1'),
-        ({'episodes': 0}, r'episodes must be a positive integer, got 0'),
-        ({'seed': -1}, r'seed must be a non-negative integer, got -1'),
+        ({'num_films': 0}, r'num_films must be a positive integer; got 0'),
+        ({'num_envs': -1}, r'num_envs must be a positive integer; got -1'),
+        ({'episodes': 0}, r'episodes must be a positive integer; got 0'),
+        ({'seed': -1}, r'seed must be a non-negative integer; got -1'),
         ({'width': 0}, r'width must be an even number of pixels from 64 to 3840, got 0'),
         ({'width': 1_000_000}, r'width must be .* got 1000000'),
         ({'height': 65}, r'height must be an even number of pixels from 64 to 2160, got 65'),
@@ -319,7 +311,7 @@ def test_the_package_itself_needs_no_extra():
 def test_every_task_can_be_explored(tmp_path):
     for task in fetch_composer.ALL:
         folder = tmp_path / task
-        run = run_lib.Run(_options(task=task, policy='random', output_dir=str(folder)), None)
+        run = run_lib.Run(_options(task=task, policy=['random'], output_dir=str(folder)), None)
         run.run()
         run.close()
         assert _names(folder) == _PLAIN_FILES

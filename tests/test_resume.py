@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer.explorer import files
+from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.episodes import origins
 from fetch_composer.explorer.pictures import film
@@ -24,12 +24,11 @@ _FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_e
 
 
 def _options(folder, **changes):
-    options = run_lib.Options(
-        task='push', policy=('random',), episodes=7, seed=3, convention='documented',
-        reward_type='sparse', max_episode_steps=4, num_envs=2, films='worst', num_films=2,
-        camera='front', width=96, height=64, fps=25, trust_pickle=False, output_dir=str(folder),
-    )  # fmt: skip
-    return dataclasses.replace(options, **changes)
+    small = {
+        'policy': ['random'], 'episodes': 7, 'seed': 3, 'max_episode_steps': 4, 'num_envs': 2,
+        'num_films': 2, 'width': 96, 'height': 64, 'output_dir': str(folder),
+    }  # fmt: skip
+    return flags.make_options({**small, **changes})
 
 
 def _run(options, **kwargs):

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import json
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -10,8 +11,8 @@ from typing import Any
 import tqdm
 
 import fetch_composer
-from fetch_composer import policies
-from fetch_composer.explorer import files, signals
+from fetch_composer import policies, user_modules
+from fetch_composer.explorer import files, flags, signals
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import camera, film
@@ -43,20 +44,23 @@ class Run:
         options.check()
         self.options = options
         self._gl_backend = gl_backend
-        self._env = fetch_composer.load(
-            options.task, **options.of_episodes(options.policy[0]).task_kwargs
-        )
+        user_modules.load_all(options.imports)
+        of_episodes = [options.of_episodes(policy) for policy in options.policy]
+        self._env = fetch_composer.load(options.task, **of_episodes[0].task_kwargs)
         context = policies.PolicyContext.of(self._env)
-        for policy in options.policy:
-            make = policies.factory(policy, context, options.trust_pickle)
-            batch_rollout.try_policy(policy, make, self._env.reset().observation, context)
+        observation = self._env.reset().observation
+        self.candidates = [
+            Candidate(
+                each.policy,
+                f'{number}_{file_name(each.policy)}',
+                len(options.policy) == 1,
+                batch_rollout.tried_policy(each, context, observation),
+            )
+            for number, each in enumerate(of_episodes, start=1)
+        ]
         self._camera = camera.Camera(self._env, options.camera, options.width, options.height)
         files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, self._identity(), fresh)
-        self.candidates = [
-            Candidate(policy, f'{number}_{file_name(policy)}', len(options.policy) == 1)
-            for number, policy in enumerate(options.policy, start=1)
-        ]
         self.stopped_by: signal.Signals | None = None
         self.continued = 0
 
@@ -120,8 +124,8 @@ class Run:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
         with tqdm.tqdm(
-            total=len(self.candidates) * options.episodes * options.max_episode_steps,
-            initial=self.finished * options.max_episode_steps,
+            total=len(self.candidates) * options.episodes * options.steps,
+            initial=self.finished * options.steps,
             unit='step',
             dynamic_ncols=True,
             mininterval=0.5,
@@ -160,7 +164,9 @@ class Run:
         if not seeds:
             return
         with rollouts(
-            options.of_episodes(candidate.policy), min(options.num_envs, len(seeds))
+            options.of_episodes(candidate.policy),
+            min(options.num_envs, len(seeds)),
+            make_policy=candidate.make_policy,
         ) as batch:
             for episodes in batch.run(seeds, on_progress):
                 self._store.add(candidate.key, episodes)
@@ -178,7 +184,7 @@ class Run:
         options, chosen = self.options, self._chosen()
         look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}'
         with tqdm.tqdm(
-            total=len(self.candidates) * len(chosen) * (options.max_episode_steps + 1),
+            total=len(self.candidates) * len(chosen) * (options.steps + 1),
             unit='frame',
             desc='films',
             dynamic_ncols=True,
@@ -198,7 +204,7 @@ class Run:
                     episode = each.episodes[index]
                     kept = films.kept(episode)
                     if kept is not None:
-                        bar.update(options.max_episode_steps + 1)
+                        bar.update(options.steps + 1)
                     each.films[index] = kept or films.take(episode, advance)
 
     def _write(self, wall_seconds: float) -> list[writing.Written]:
@@ -214,7 +220,7 @@ class Run:
             stopped=self.stopped_by is not None,
         )
         figures = {
-            'flags': dataclasses.asdict(self.options),
+            'flags': flags.flag_values(self.options),
             'episodes_finished': self.finished,
             'stopped_by': self.stopped_by.name if self.stopped_by else None,
             'wall_seconds': round(wall_seconds, 2),
@@ -242,11 +248,14 @@ class Run:
         ]
 
     def _identity(self) -> dict[str, Any]:
-        options = dataclasses.asdict(self.options.of_episodes(''))
-        del options['policy'], options['trust_pickle']
-        return {
-            **options,
-            'policies': [[each, policies.digest(each)] for each in self.options.policy],
+        options = self.options
+        identity = {
+            'task': options.task,
+            **dataclasses.asdict(options.task_options),
+            'policies': [[each, policies.digest(each)] for each in options.policy],
+            'imports': [[each, user_modules.digest(each)] for each in options.imports],
             'versions': origins.versions(),
             'code': origins.code_digest(),
         }
+        # As it will be read again: with lists for tuples and arrays.
+        return json.loads(json.dumps(identity, default=list))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.tasks import TaskOptions
 from tests.test_resume import _options as _run_options
 from tests.test_resume import _run, _run_stopped
 
@@ -31,12 +32,14 @@ def datasets(tmp_path, monkeypatch):
 
 
 def _options(folder, **changes):
-    return dataclasses.replace(_run_options(folder), dataset='fetch/push-random-v0', **changes)
+    return _run_options(folder, dataset='fetch/push-random-v0', **changes)
 
 
 @pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
 def test_a_dataset_is_replayed_by_the_environment_it_recovers(task_name, convention, reward_type):
-    options = batch_rollout.EpisodeOptions(task_name, 'random', convention, reward_type, 12)
+    options = batch_rollout.EpisodeOptions(
+        task_name, 'random', TaskOptions(reward_type, 12, convention)
+    )
     seeds = [11, 5, 7]
     minari_dataset.save('replay-v3', options, batch_rollout.run_episodes(options, seeds))
     dataset = minari.load_dataset('replay-v3')
@@ -88,7 +91,7 @@ def test_a_run_writes_its_dataset_once_it_is_finished(tmp_path, datasets):
 
 
 def test_a_dataset_that_cannot_be_written_whole_is_not_there(datasets, monkeypatch):
-    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     episodes = batch_rollout.run_episodes(options, [0, 1])
 
     def fail(index, episode):
@@ -117,11 +120,11 @@ def test_a_name_that_is_none_is_refused(name):
 
 def test_a_dataset_is_of_one_policy(tmp_path):
     with pytest.raises(ValueError, match='dataset is of one policy'):
-        _run(_options(tmp_path, policy=('random', 'zero')))
+        _run(_options(tmp_path, policy=['random', 'zero']))
 
 
 def test_reading_a_dataset_back_needs_no_import_of_ours():
-    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     minari_dataset.save('reach-v0', options, batch_rollout.run_episodes(options, [0]))
     code = 'import minari; minari.load_dataset("reach-v0").recover_environment().reset(seed=0)'
     subprocess.run([sys.executable, '-W', 'ignore', '-c', code], check=True)

@@ -116,6 +116,7 @@ import numpy as np
 import ray
 from ray.cluster_utils import Cluster
 from fetch_composer.explorer.episodes import batch_rollout, ray_rollout
+from fetch_composer.tasks import TaskOptions
 
 here, run = pathlib.Path.cwd(), ray_rollout._run
 log, hung = here / 'log', here / 'hung'
@@ -137,7 +138,7 @@ nodes = Cluster(initialize_head=True, head_node_args={
                        'health_check_failure_threshold': 5}})
 doomed = nodes.add_node(num_cpus=1)
 doomed_id = doomed.node_id
-options = batch_rollout.EpisodeOptions('push', 'random', max_episode_steps=8)
+options = batch_rollout.EpisodeOptions('push', 'random', TaskOptions(max_episode_steps=8))
 seeds = list(range(5, 405))
 killed = []
 

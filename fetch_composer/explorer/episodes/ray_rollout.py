@@ -9,6 +9,7 @@ import functools
 import logging
 import math
 import os
+import pickle
 import re
 import secrets
 import signal
@@ -22,7 +23,7 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
-from fetch_composer import batch, policies
+from fetch_composer import batch, policies, user_modules
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.episodes.episode import Episode
 
@@ -121,13 +122,21 @@ def cluster(address: str) -> Iterator[Callable[..., 'RayRollout']]:
 class RayRollout:
     """Runs episodes on the cluster that this process is connected to."""
 
-    def __init__(self, options: batch_rollout.EpisodeOptions, num_envs: int) -> None:
+    def __init__(
+        self,
+        options: batch_rollout.EpisodeOptions,
+        num_envs: int,
+        make_policy: policies.PolicyFactory | None = None,
+    ) -> None:
         """Initializes the rollout.
 
         Args:
             options: What to run.
             num_envs: How many episodes a task of Ray runs at most.
+            make_policy: Unused, since workers load the policy that the options name.
         """
+        del make_policy  # Unused.
+        user_modules.load_all(options.imports)
         self._options = options
         self._num_envs = num_envs
         self._task = ray.remote(num_cpus=1, max_retries=_MAX_RETRIES)(_run)
@@ -152,7 +161,7 @@ class RayRollout:
         processors = int(ray.cluster_resources().get('CPU', 1)) or 1
         fair = math.ceil(len(seeds) / (processors * _TASKS_PER_PROCESSOR))
         size = max(1, min(self._num_envs, fair))
-        needed = _origins(self._options.policy)
+        needed = _origins(self._options.policy, self._options.imports)
         pending = [
             self._task.remote(self._options, list(seeds[start : start + size]), size, needed)
             for start in range(0, len(seeds), size)
@@ -199,8 +208,9 @@ def _one_line(error: Exception) -> str:
 def _run(
     options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
 ) -> list[Episode]:
-    batch_of_worker = _batch(options, num_envs)  # Loads the policy.
-    here = _origins(options.policy)
+    # Loads modules and policy, so that their origins are known.
+    batch_of_worker = _batch(pickle.dumps(options), num_envs)
+    here = _origins(options.policy, options.imports)
     differing = sorted(name for name in needed if here.get(name) != needed[name])
     if differing:
         raise RayError(
@@ -211,13 +221,19 @@ def _run(
 
 
 @functools.lru_cache(maxsize=1)
-def _batch(options: batch_rollout.EpisodeOptions, num_envs: int) -> batch_rollout.BatchRollout:
+def _batch(pickled_options: bytes, num_envs: int) -> batch_rollout.BatchRollout:
     """Returns a batch on one thread, which a worker process makes once."""
+    options = pickle.loads(pickled_options)
     return batch_rollout.BatchRollout(options, num_envs, num_threads=1)
 
 
 @functools.lru_cache(maxsize=1)
-def _origins(policy: str) -> _Origins:
+def _origins(policy: str, imports: tuple[str, ...] = ()) -> _Origins:
     """Returns versions and digests of what decides on episodes, in this process."""
     versions = {name: each for name, each in origins.versions().items() if name != 'python'}
-    return {**versions, 'code': origins.code_digest(), 'policy': policies.digest(policy)}
+    return {
+        **versions,
+        'code': origins.code_digest(),
+        'policy': policies.digest(policy),
+        **{each: user_modules.digest(each) for each in imports},
+    }

@@ -3,7 +3,6 @@
 import base64
 import io
 import pathlib
-import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,6 +10,7 @@ import jinja2
 import numpy as np
 from PIL import Image
 
+from fetch_composer.explorer import flags
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.options import Options
 from fetch_composer.explorer.pictures import charts, style, top_view
@@ -58,6 +58,7 @@ def render(
     return environment.get_template(_TEMPLATE).render(
         style=style,
         options=options,
+        setting=setting,
         seeds=(min(e.seed for e in episodes), max(e.seed for e in episodes)),
         candidates=[_figures(each) for each in candidates],
         comparisons=[_comparison(each, candidates) for each in comparisons],
@@ -70,23 +71,6 @@ def render(
         versions=versions,
         stopped=stopped,
     )
-
-
-def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
-    """Returns the command that runs one episode of a run again, filmed, in a folder of its own."""
-    flags = {
-        'task': options.task,
-        'seed': seed,
-        'episodes': 1,
-        'convention': options.convention,
-        'reward_type': options.reward_type,
-        'max_episode_steps': options.max_episode_steps,
-        'output_dir': options.folder / f'seed_{seed}',
-    }
-    words = [f'--policy={policy}' for policy in policies]
-    words += [f'--{name}={value}' for name, value in flags.items()]
-    words += ['--trust_pickle'] * options.trust_pickle
-    return shlex.join(['python', 'explore.py', *words])
 
 
 def _centimetres(metres: float) -> str:
@@ -185,7 +169,7 @@ def _film_card(
         'index': index,
         'seed': seed,
         'takes': takes,
-        'command': replay_command(options, policies, seed),
+        'command': flags.replay_command(options, policies, seed),
     }
 
 
@@ -197,7 +181,7 @@ def _rows(
     for column, candidate in enumerate(candidates):
         for episode in candidate.episodes:
             by_seed.setdefault(episode.seed, [None] * len(candidates))[column] = episode
-    rows = []
+    policies, rows = [each.policy for each in candidates], []
     for seed, results in by_seed.items():
         index = seed - options.seed
         done = [each for each in results if each is not None]
@@ -212,7 +196,7 @@ def _rows(
                     each.film_path(index) for each in candidates
                     if index in each.films and index not in shown
                 ],
-                'command': replay_command(options, [each.policy for each in candidates], seed),
+                'command': flags.replay_command(options, policies, seed),
             }
         )  # fmt: skip
     return sorted(rows, key=lambda row: (-row['failures'], -row['furthest'], row['seed']))

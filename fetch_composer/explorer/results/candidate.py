@@ -2,6 +2,7 @@
 
 import dataclasses
 
+from fetch_composer import policies
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures.film import Film
 
@@ -14,6 +15,7 @@ class Candidate:
         policy: Its name.
         key: A name for it that is fit for a folder, and its alone in the run.
         is_alone: Whether it is the run's only one.
+        make_policy: Makes it for a seed; it has been seen to act.
         episodes: The finished episodes, by seed.
         films: Films by the index of their episode, those to look at first at the front.
     """
@@ -21,6 +23,7 @@ class Candidate:
     policy: str
     key: str
     is_alone: bool
+    make_policy: policies.PolicyFactory
     episodes: list[Episode] = dataclasses.field(default_factory=list)
     films: dict[int, Film] = dataclasses.field(default_factory=dict)
 

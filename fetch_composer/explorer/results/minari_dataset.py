@@ -27,6 +27,7 @@ from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.interfaces import gymnasium_common, gymnasium_ids
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
+_GIVEN = ('object_position', 'goal')
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
 
 
@@ -76,7 +77,9 @@ def save(
         OSError: if it cannot be written.
     """
     check_name(name)
-    env_id = gymnasium_ids.env_id(options.task, options.convention, options.reward_type)
+    task_options = options.task_options
+    env_id = gymnasium_ids.env_id(options.task, task_options.convention, task_options.reward_type)
+    given = {name: getattr(task_options, name) for name in _GIVEN}
     versions = origins.versions()
     folder = get_dataset_path(name)
     with (
@@ -88,7 +91,11 @@ def save(
         # Gymnasium takes -v2 for an old -v4; Minari is not told of an author.
         warnings.simplefilter('ignore')
         with contextlib.closing(
-            gymnasium.make(env_id, max_episode_steps=options.max_episode_steps)
+            gymnasium.make(
+                env_id,
+                max_episode_steps=task_options.max_episode_steps,
+                **{name: place for name, place in given.items() if place is not None},
+            )
         ) as environment:
             minari.create_dataset_from_buffers(
                 name,
