@@ -164,7 +164,8 @@ class BatchEnvironment:
         ]
         if seed is not None:
             self.seed(seed)
-        self._start_episodes(ids, given)
+        order = np.argsort(ids)  # MuJoCo wants them sorted.
+        self._start_episodes(ids[order], [given[i] for i in order])
         return self._time_step(np.zeros(self._num_envs, dtype=bool))
 
     def _check_ids(self, ids) -> np.ndarray:

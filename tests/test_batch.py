@@ -6,6 +6,7 @@ import pytest
 from dm_control.rl import control
 
 import fetch_composer
+from fetch_composer import tasks
 from tests import episodes
 
 _NUM_ENVS = 3
@@ -128,3 +129,53 @@ def test_divergence_names_the_environment():
     batch._sims.bind('qvel')[2] = 1e12
     with pytest.raises(control.PhysicsError, match=r'\[2\]'):
         batch.step(np.zeros((3, 4), np.float32))
+
+
+def test_it_says_what_it_is_a_batch_of():
+    batch = fetch_composer.BatchEnvironment('slide', 2, convention='gymnasium_robotics')
+    assert (batch.task_name, batch.convention) == ('slide', 'gymnasium_robotics')
+    assert batch.options == tasks.TaskOptions(convention='gymnasium_robotics')
+
+
+@pytest.mark.parametrize('ids', [[2, 0], np.array([True, False, True])])
+def test_some_environments_start_anew_and_the_others_go_on(task_name, ids):
+    batch = fetch_composer.BatchEnvironment(task_name, 3, seed=0)
+    singles = [fetch_composer.load(task_name, seed=i) for i in range(3)]
+    batch.reset()
+    for single in singles:
+        single.reset()
+    actions = episodes.uniform_actions(6, batch_shape=(3,))
+    for action in actions[:3]:
+        before = batch.step(action)
+        expected = [single.step(a) for single, a in zip(singles, action, strict=True)]
+    after = batch.reset(ids)
+    np.testing.assert_array_equal(after.step_type, [0, 1, 0])
+    assert (after.reward == 0).all()
+    for name, value in before.observation.items():
+        np.testing.assert_array_equal(after.observation[name][1], value[1])
+    expected = [singles[0].reset(), expected[1], singles[2].reset()]
+    for action in actions[3:]:
+        after = batch.step(action)
+        expected = [single.step(a) for single, a in zip(singles, action, strict=True)]
+        _assert_rows_equal(after, expected)
+
+
+@pytest.mark.parametrize('ids', [[0, 0], [3], [-1], [0.5], 'all', [[0]], [True, False]])
+def test_ids_that_make_no_sense_are_refused(ids):
+    batch = fetch_composer.BatchEnvironment('push', 3, seed=0)
+    first = batch.reset()
+    with pytest.raises(ValueError, match='distinct integers from 0 to 2'):
+        batch.reset(ids)
+    again = fetch_composer.BatchEnvironment('push', 3, seed=0).reset()
+    for name, value in first.observation.items():
+        np.testing.assert_array_equal(value, again.observation[name])
+
+
+def test_after_close_every_call_says_that_it_is_closed():
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0)
+    batch.reset()
+    batch.close()
+    batch.close()
+    for call in batch.reset, lambda: batch.step(np.zeros((2, 4), np.float32)):
+        with pytest.raises(RuntimeError, match='closed'):
+            call()

@@ -67,7 +67,6 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
             'height': checks.integer('height', height, 1),
             'width': checks.integer('width', width, 1),
         }
-        pixels.fit_framebuffer(self._env.physics.model, **self._size)
         self._camera = self._checked_camera(camera_name)
         self._viewer: Any = None
         self._shown_at = 0.0
@@ -176,6 +175,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
                 'render() needs a render_mode, such as gym.make(..., render_mode="rgb_array").'
             )
             return None
+        pixels.fit_framebuffer(self._env.physics.model, **self._size)
         depth = self.render_mode == 'depth_array'
         return self._env.physics.render(camera_id=self._camera, depth=depth, **self._size)
 

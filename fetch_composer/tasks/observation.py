@@ -17,6 +17,7 @@ from fetch_composer.tasks.addresses import Addresses
 _SINGULAR_COSINE = 4 * np.finfo(np.float64).eps
 
 _AT_REST = (0.0, 0.0)
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 
 def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
@@ -65,6 +66,7 @@ class GoalObserver:
         addresses: Addresses,
         control_timestep: float,
         object_minus_gripper: bool,
+        current: bool = True,
     ) -> None:
         """Initializes the observer.
 
@@ -75,6 +77,8 @@ class GoalObserver:
                 their displacements and velocities are observed as 0.
             control_timestep: Seconds by which velocities are multiplied.
             object_minus_gripper: Sense of the difference of positions.
+            current: Whether the velocities of bodies are up to date, as `mj_comVel` leaves them.
+                If not, they follow from the state's velocities and the Jacobians at hand.
         """
         grip_site, object_site = addresses.grip_site, addresses.object_site
         self._model = model
@@ -84,49 +88,53 @@ class GoalObserver:
         self._timestep = control_timestep
         self._sense = 1.0 if object_minus_gripper else -1.0
         self._grip_position = data.site_xpos[grip_site]
-        self._qvel = data.qvel
         self._fingers = data.qpos[addresses.finger_qpos]
         self._finger_velocities = data.qvel[addresses.finger_qvel]
-        # All Jacobians in one array, so that one product gives all velocities.
-        num_rows = 3 if object_site is None else 9
-        self._jacobian = np.zeros((num_rows, model.nv))
-        self._grip_jacobian = self._jacobian[:3]
+        self._velocity = self._velocity_of_body if current else self._velocity_by_jacobian
+        self._spatial = np.zeros(6)
+        self._jacobians = np.zeros((6, model.nv))
+        # Position of the object or, without one, of the gripper: (3,) in m, live.
+        self.achieved_position = self._grip_position
         if object_site is not None:
-            self._object_position = data.site_xpos[object_site]
+            self.achieved_position = data.site_xpos[object_site]
             self._object_xmat = data.site_xmat[object_site]
-            self._object_jacobians = (self._jacobian[3:6], self._jacobian[6:])
 
     def achieved_goal(self) -> np.ndarray:
         """Returns (3,) position in m of the object or, without one, of the gripper."""
-        if self._object_site is None:
-            return self._grip_position.copy()
-        return self._object_position.copy()
+        return self.achieved_position.copy()
 
     def observation(self) -> np.ndarray:
         """Returns (25,) or, without an object, (10,) float64, as `layout` has it."""
         # Plain floats: for so few numbers each operation on an array costs more than all of these.
-        model, data, sense = self._model, self._data, self._sense
-        mujoco.mj_jacSite(model, data, self._grip_jacobian, None, self._grip_site)
-        fingers, finger_velocities = self._observe_fingers()
-        gx, gy, gz = grip = self._grip_position.tolist()
+        sense, dt = self._sense, self._timestep
+        gx, gy, gz = self._grip_position.tolist()
+        _, _, _, vx, vy, vz = self._velocity(self._grip_site)
+        vx, vy, vz = vx * dt, vy * dt, vz * dt
+        fx, fy = fu, fv = _AT_REST
+        if self._fingers.size:
+            fx, fy = self._fingers.tolist()
+            fu, fv = self._finger_velocities.tolist()
+            fu, fv = fu * dt, fv * dt
         if self._object_site is None:
-            grip_velocity = (self._jacobian @ self._qvel * self._timestep).tolist()
-            return np.array((*grip, *fingers, *grip_velocity, *finger_velocities))
-        mujoco.mj_jacSite(model, data, *self._object_jacobians, self._object_site)
-        velocities = (self._jacobian @ self._qvel * self._timestep).tolist()
-        vx, vy, vz, ux, uy, uz, *spin = velocities
-        x, y, z = place = self._object_position.tolist()
+            return np.array((gx, gy, gz, fx, fy, vx, vy, vz, fu, fv))
+        x, y, z = self.achieved_position.tolist()
+        wx, wy, wz, ux, uy, uz = self._velocity(self._object_site)
         return np.array((
-            *grip, *place, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, *fingers,
-            *euler_xyz(self._object_xmat.tolist()), ux - vx, uy - vy, uz - vz, *spin,
-            vx, vy, vz, *finger_velocities,
+            gx, gy, gz, x, y, z, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, fx, fy,
+            *euler_xyz(self._object_xmat.tolist()),
+            ux * dt - vx, uy * dt - vy, uz * dt - vz, wx * dt, wy * dt, wz * dt,
+            vx, vy, vz, fu, fv,
         ))  # fmt: skip
 
-    def _observe_fingers(self):
-        """Returns displacements and velocities of the right and the left finger."""
-        if not self._fingers.size:
-            return _AT_REST, _AT_REST
-        return self._fingers.tolist(), (self._finger_velocities * self._timestep).tolist()
+    def _velocity_of_body(self, site: int) -> list[float]:
+        """Returns a site's angular velocity in rad/s and its linear velocity in m/s."""
+        mujoco.mj_objectVelocity(self._model, self._data, _SITE, site, self._spatial, 0)
+        return self._spatial.tolist()
+
+    def _velocity_by_jacobian(self, site: int) -> list[float]:
+        jacobians = self._jacobians
+        mujoco.mj_jacSite(self._model, self._data, jacobians[3:], jacobians[:3], site)
+        return (jacobians @ self._data.qvel).tolist()
 
 
 class _SiteMotion:
