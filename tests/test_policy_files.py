@@ -10,6 +10,8 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies
+from fetch_composer.explorer import flags
+from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.tasks import TaskOptions
 
@@ -311,6 +313,24 @@ def _run(policy, seeds=(0,), **options):
     task_options = TaskOptions(max_episode_steps=6)
     options = batch_rollout.EpisodeOptions('push', policy, task_options, **options)
     return batch_rollout.run_episodes(options, seeds, num_envs=2)
+
+
+def test_a_run_loads_and_tries_each_policy_once(code, monkeypatch, tmp_path):
+    loaded, load = [], policies.factory
+
+    def factory(name, *args):
+        loaded.append(name)
+        return load(name, *args)
+
+    monkeypatch.setattr(policies, 'factory', factory)
+    names = [f'{code}:Noisy', f'{code}:still']
+    run = run_lib.Run(
+        flags.make_options({'policy': names, 'episodes': 3, 'max_episode_steps': 2}), None
+    )
+    run.run()
+    run.close()
+    assert loaded == names
+    assert sys.modules[code].Noisy.resets == 3 + 1
 
 
 def test_a_function_acts(code):

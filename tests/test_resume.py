@@ -122,10 +122,10 @@ def test_finished_episodes_are_kept_and_none_is_counted_twice(tmp_path):
 
 
 def test_a_comparison_is_continued_policy_by_policy(tmp_path):
-    options = _options(tmp_path / 'stopped', policy=('random', 'zero'))
+    options = _options(tmp_path / 'stopped', policy=['random', 'zero'])
     _run_stopped(options, after=6)
     assert _run(options).continued == 6
-    _run(_options(tmp_path / 'whole', policy=('random', 'zero')))
+    _run(_options(tmp_path / 'whole', policy=['random', 'zero']))
     for name in ('1_random', '2_zero'):
         one, two = _arrays(options.folder / name), _arrays(tmp_path / 'whole' / name)
         np.testing.assert_array_equal(one['observation'], two['observation'])
@@ -149,7 +149,9 @@ def test_an_unfinished_run_of_other_options_is_left_alone(tmp_path):
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*') if path.is_file()}
     for changes, name in (
         ({'reward_type': 'dense'}, 'reward_type'),
-        ({'policy': ('zero',)}, 'policies'),
+        ({'policy': ['zero']}, 'policies'),
+        ({'object_position': [1.3, 0.75]}, 'object_position'),
+        ({'goal': [1.3, 0.8, 0.42], 'convention': 'gymnasium_robotics'}, 'convention, goal'),
         ({'max_episode_steps': 3}, 'max_episode_steps'),
     ):
         with pytest.raises(ValueError, match=f'unfinished run that differs in {name}:.*--fresh'):

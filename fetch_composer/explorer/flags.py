@@ -96,10 +96,14 @@ _DEFINITIONS: dict[Any, Callable[..., Any]] = {
 }
 
 
-def _flags_of(options_class: type, of_task: bool) -> Iterator[_Flag]:
+def _flags_of(options_class: type) -> Iterator[_Flag]:
     types_of, texts = typing.get_type_hints(options_class), _texts(options_class)
+    of_task = options_class is TaskOptions
     for field in dataclasses.fields(options_class):
-        if field.type is TaskOptions or (of_task and field.name in NOT_EXPLORED):
+        if field.type is TaskOptions:
+            yield from _flags_of(TaskOptions)
+            continue
+        if of_task and field.name in NOT_EXPLORED:
             continue
         yield _Flag(
             name=field.metadata.get('flag', field.name),
@@ -133,7 +137,7 @@ def _texts(options_class: type) -> dict[str, str]:
     return {name: _ABOUT_NONE.sub('', text).rstrip('.') for name, text in texts.items()}
 
 
-_FLAGS = (*_flags_of(Options, of_task=False), *_flags_of(TaskOptions, of_task=True))
+_FLAGS = tuple(_flags_of(Options))
 
 
 def parser() -> flags.FlagValues:

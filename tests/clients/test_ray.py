@@ -17,6 +17,7 @@ import pytest
 
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.results import store
+from tests import pages
 
 pytest.importorskip('ray', reason="Ray is not installed: pip install -e '.[ray]'")
 
@@ -173,6 +174,15 @@ def test_a_node_that_is_killed_loses_no_episode_and_counts_none_twice(isolated, 
     (tmp_path / 'cluster.py').write_text(_CLUSTER)
     out, _ = _printed(isolated('cluster.py'))
     assert 'run again: ' in out
+
+
+def test_workers_know_the_tasks_that_the_run_has_imported(isolated, tmp_path):
+    (tmp_path / 'gate.py').write_text(pages.code_of('new_task.md'))
+    flags = (*_FLAGS, '--episodes=4', '--import=gate', '--task=push_through_gate')
+    for output_dir, more in (('ray', ('--ray=local',)), ('whole', ())):
+        _printed(isolated(_ROOT / 'explore.py', *flags, f'--output_dir={output_dir}', *more))
+    one, two = _arrays(tmp_path / 'ray'), _arrays(tmp_path / 'whole')
+    np.testing.assert_array_equal(one['observation'], two['observation'])
 
 
 def test_an_address_where_no_cluster_is_fails_at_once(isolated, tmp_path):
