@@ -6,6 +6,7 @@ It is written for arrays of shape (...,), of which () is one simulation and (n,)
 from collections.abc import Callable
 from typing import Any
 
+import mujoco
 import numpy as np
 from dm_env import specs
 
@@ -57,6 +58,13 @@ def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
             raise ValueError(f'Actions must be finite; rows {rows} are not.')
         raise ValueError(f'An action must be finite, got {array.tolist()}.')
     return array.clip(-1, 1)
+
+
+def refresh(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Brings positions and velocities, which `mj_step` leaves one substep behind, up to date."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
 
 
 class Drive:

@@ -2,7 +2,6 @@
 
 import collections
 import functools
-import math
 from collections.abc import Sequence
 
 import mujoco
@@ -215,10 +214,7 @@ class GoalTask(composer.Task):
         del physics, random_state  # Unused.
         self._drive.relock()
         if self._drive.observes_current_state:
-            # `mj_step` leaves positions and velocities one substep behind the state.
-            mujoco.mj_kinematics(self._model, self._data)
-            mujoco.mj_comPos(self._model, self._data)
-            mujoco.mj_comVel(self._model, self._data)
+            drive.refresh(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
         if self.visualize_reward:
             self._target_rgba[:] = entities.target_rgba(self.is_success())
@@ -248,7 +244,9 @@ class GoalTask(composer.Task):
 
     def _distance(self) -> float:
         """Returns the distance in m to the desired goal."""
-        return math.dist(self._observer.achieved_position.tolist(), self._goal.tolist())
+        return rewards.distance_of_one(
+            self._observer.achieved_position.tolist(), self._goal.tolist()
+        )
 
     def should_terminate_episode(self, physics) -> bool:
         del physics  # Unused.
