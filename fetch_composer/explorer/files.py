@@ -42,7 +42,7 @@ def prepare_folder(folder: pathlib.Path) -> None:
 def save_arrays(
     path: pathlib.Path, arrays: Mapping[str, np.ndarray], compressed: bool = False
 ) -> None:
-    """Writes arrays to an npz file; one that is soon read again need not be compressed."""
+    """Writes arrays to an npz file; compress those that are kept."""
     save = np.savez_compressed if compressed else np.savez
     with whole_file(path) as partial:
         save(partial, allow_pickle=False, **arrays)
@@ -66,7 +66,7 @@ def save_text(path: pathlib.Path, text: str) -> None:
 
 
 def load_json(path: pathlib.Path) -> dict[str, Any]:
-    """Returns what is in a JSON file; nothing if there is none that can be read."""
+    """Returns what is in a JSON file; an empty dictionary if it cannot be read."""
     try:
         content = json.loads(path.read_text(encoding='utf-8'))
     except (OSError, ValueError):

@@ -116,7 +116,7 @@ def test_a_dataset_that_is_there_is_refused_before_anything_is_run(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['', 'push', 'push-v', 'push v0', '/push-v0', '../push-v0'])
-def test_a_name_that_is_none_is_refused(name):
+def test_what_cannot_be_a_name_is_refused(name):
     with pytest.raises(ValueError, match=r'must have the form \[namespace/\]name-v0'):
         minari_dataset.check_name(name)
 

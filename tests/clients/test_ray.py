@@ -193,7 +193,7 @@ def test_an_address_where_no_cluster_is_fails_at_once(isolated, tmp_path):
 
 
 @pytest.mark.parametrize('address', ['', 'here', 'ray://', 'host', 'host:port', 'a b:1'])
-def test_an_address_that_is_none_is_refused(address):
+def test_what_cannot_be_an_address_is_refused(address):
     with pytest.raises(ValueError, match='ray must be local, auto, HOST:PORT or ray://HOST:PORT'):
         ray_rollout.check_address(address)
 

@@ -19,9 +19,6 @@ from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.tasks import TaskOptions
 
-# A batch of one rounds its observations differently; from two on, all are equal to the bit.
-_FEWEST = 2
-
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeOptions:
@@ -115,9 +112,8 @@ class BatchRollout:
         user_modules.load_all(options.imports)
         self._options = options
         self._num_envs = num_envs
-        width = num_envs if num_envs < 1 else max(num_envs, _FEWEST)
         self._batch = BatchEnvironment(
-            options.task, width, num_threads, seed=0, **options.task_kwargs
+            options.task, num_envs, num_threads, seed=0, **options.task_kwargs
         )
         self._make_policy = make_policy or self._tried_policy()
 

@@ -34,7 +34,7 @@ _ADDRESS = re.compile(r'(ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})')
 _Origins = dict[str, str | None]
 
 _MAX_RETRIES = 3
-_TASKS_PER_PROCESSOR = 4  # So that one that is late, or lost, holds up little.
+_TASKS_PER_PROCESSOR = 4  # Small tasks, so that one that is slow or lost costs little.
 _POLL_SECONDS = 0.2
 _MOST_WAITED_FOR = 1000  # Waiting takes longer the more results are waited for.
 _LOOPBACK = '127.0.0.1'
@@ -43,7 +43,7 @@ _LOCAL_STORE_BYTES = 256 * 2**20
 
 
 class RayError(RuntimeError):
-    """Ray cannot be reached or started, or has failed more often than is put up with."""
+    """Ray cannot be reached or started, or its workers keep dying."""
 
 
 def check_address(address: str) -> None:
@@ -53,7 +53,7 @@ def check_address(address: str) -> None:
 
 
 def _check_answers(address: str) -> None:
-    """Raises `RayError` if nothing listens there, which Ray takes a quarter of an hour to see."""
+    """Raises `RayError` if nothing listens there; Ray itself would try for a quarter of an hour."""
     match = _ADDRESS.fullmatch(address)
     if match is None:
         return

@@ -15,7 +15,7 @@ from fetch_composer.tasks import rewards
 
 WIDTH = 5.0  # inches
 _HEIGHT = 3.3
-_ALL = 30  # Of more episodes, lines are drawn as pixels, and actions as a band alone.
+_ALL = 30  # With more episodes, lines are drawn as pixels, and of actions only a band.
 _DPI = 200  # Of what is drawn as pixels.
 _BAND = (10, 90)  # Percentiles.
 _THRESHOLD_CM = 100 * rewards.DISTANCE_THRESHOLD

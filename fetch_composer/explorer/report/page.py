@@ -131,7 +131,7 @@ def _plots(candidates: Sequence[Candidate], setting: Setting) -> list[dict[str, 
         },
         {
             'title': 'The table from above',
-            'note': 'Ways on the table, from start to end, of all episodes.',
+            'note': 'Paths on the table, from start to end, of all episodes.',
             'images': of_each(
                 lambda x: top_view.top_view(x, setting.workspace, setting.has_object)
             ),

@@ -13,7 +13,7 @@ class Candidate:
 
     Attributes:
         policy: Its name.
-        key: A name for it that is fit for a folder, and its alone in the run.
+        key: A name for its folder, which no other policy of the run has.
         is_alone: Whether it is the run's only one.
         make_policy: Makes it for a seed; it has been seen to act.
         episodes: The finished episodes, by seed.

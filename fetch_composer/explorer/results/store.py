@@ -71,7 +71,7 @@ class Store:
         return self._path.joinpath(*names)
 
     def episodes(self, policy: str, seeds: Sequence[int]) -> list[Episode]:
-        """Returns the episodes that are kept of some seeds, in the order of those, each once."""
+        """Returns the kept episodes of some seeds, each once, in the order of the seeds."""
         found: dict[int, Episode] = {}
         for path in sorted(self.folder(policy).glob(_EPISODES.format(seed='*'))):
             for episode in _load(path):
@@ -133,7 +133,7 @@ def _locked(path: pathlib.Path):
 
 
 def _load(path: pathlib.Path) -> Iterator[Episode]:
-    """Yields the episodes in a file; none if it cannot be read, so that they run again."""
+    """Yields the episodes in a file; if it cannot be read, they are run again."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         with np.load(path) as file:
             arrays = dict(file)
