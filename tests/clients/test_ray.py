@@ -122,6 +122,9 @@ from fetch_composer.tasks import TaskOptions
 here, run = pathlib.Path.cwd(), ray_rollout._run
 log, hung = here / 'log', here / 'hung'
 
+def first_ten_are_done():
+    return len(log.read_text().splitlines()) > 10
+
 def logged(options, seeds, num_envs, needed):
     node = ray.get_runtime_context().get_node_id()
     with log.open('a') as file:
@@ -130,6 +133,8 @@ def logged(options, seeds, num_envs, needed):
         hung.with_suffix('.part').write_text(f'{os.getpid()} {seeds[0]}')
         hung.with_suffix('.part').rename(hung)
         time.sleep(600)  # Until the node is killed: this task never ends on it.
+    while node != doomed_id and not hung.exists() and first_ten_are_done():
+        time.sleep(0.05)  # Or this node might do all before the other has begun.
     return run(options, seeds, num_envs, needed)
 
 ray_rollout._run = logged
