@@ -9,9 +9,9 @@ import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import seeding, simulations, tasks
+from fetch_composer import simulations, tasks
 from fetch_composer.environment import Environment
-from fetch_composer.tasks import checks, drive, rewards, starts
+from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 
 
 def num_processors() -> int:
@@ -77,10 +77,10 @@ class BatchEnvironment:
         self._starts = task_made.starts
         self._simulations: simulations.Simulations
         if self._num_envs == 1:
-            self._simulations = simulations.OneSimulation(self._compiled, task_made)
+            self._simulations = simulations.OneSimulation(self._compiled.physics, task_made)
         else:
             self._simulations = simulations.ManySimulations(
-                self._compiled, task_made, self._num_envs, self._num_threads
+                self._compiled.physics, task_made, self._num_envs, self._num_threads
             )
         self.seed(seed)
         self._goals = np.zeros((self._num_envs, 3))

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import mujoco
 import mujoco.batch
 import numpy as np
+from dm_control import mjcf
 
 from fetch_composer import tasks
-from fetch_composer.environment import Environment
 from fetch_composer.tasks import drive, observation
 from fetch_composer.tasks.starts import Start
 
@@ -44,16 +44,18 @@ _NONE = np.zeros(0, dtype=np.int64)
 class ManySimulations:
     """Simulations that share native threads."""
 
-    def __init__(self, env: Environment, task: tasks.GoalTask, count: int, threads: int) -> None:
+    def __init__(
+        self, physics: mjcf.Physics, task: tasks.GoalTask, count: int, threads: int
+    ) -> None:
         """Makes the simulations.
 
         Args:
-            env: An environment of the task, which has compiled its model and stays alive.
+            physics: Of an environment of the task, which stays alive.
             task: The task, which says where episodes start and is not changed.
             count: How many simulations.
             threads: How many threads share them.
         """
-        model = env.physics.model.ptr
+        model = physics.model.ptr
         self._sims = sims = mujoco.batch.Batch(model, count, nthread=threads)
         self._starts, self._variations = task.starts, task.variations
         self._varied = self._variations.fields(sims.expand, physical_only=True)
@@ -104,17 +106,17 @@ class ManySimulations:
 
 
 class OneSimulation:
-    """The simulation of an environment, without the environment."""
+    """A single simulation: that of an environment, without the environment."""
 
-    def __init__(self, env: Environment, task: tasks.GoalTask) -> None:
+    def __init__(self, physics: mjcf.Physics, task: tasks.GoalTask) -> None:
         """Takes an environment's simulation.
 
         Args:
-            env: An environment of the task, which is not stepped any more and stays alive.
+            physics: Of an environment of the task, which is not stepped and stays alive.
             task: The task.
         """
-        self._physics = env.physics
-        self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
+        self._physics = physics
+        self._model, self._data = physics.model.ptr, physics.data.ptr
         self._starts, self._variations = task.starts, task.variations
         self._varied = self._variations.fields(
             functools.partial(getattr, self._model), physical_only=True

@@ -11,10 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fetch_composer import seeding, suite
+from fetch_composer import suite
 from fetch_composer.interfaces import gymnasium_common
 from fetch_composer.interfaces.gymnasium_common import gymnasium
-from fetch_composer.tasks import camera, checks, rewards
+from fetch_composer.tasks import camera, checks, rewards, seeding
 
 _RENDER_MODES = ('human', 'rgb_array', 'depth_array')
 

@@ -11,9 +11,9 @@ from dm_control.composer import variation
 from dm_env import specs
 
 from fetch_composer import entities
-from fetch_composer.observables import FreshObservable
 from fetch_composer.tasks import conventions, drive, observation, pixels, rewards, scene, starts
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.settled import SettledState
 from fetch_composer.tasks.variations import Variations
