@@ -13,9 +13,9 @@ import numpy as np  # noqa: E402
 from PIL import Image  # noqa: E402
 
 import fetch_composer  # noqa: E402
-from fetch_composer.explorer.episodes import episode as rollout  # noqa: E402
-from fetch_composer.explorer.pictures import rendering  # noqa: E402
-from fetch_composer.explorer.results import recording  # noqa: E402
+from fetch_composer.explorer import files  # noqa: E402
+from fetch_composer.explorer.episodes import batch_rollout, replay  # noqa: E402
+from fetch_composer.explorer.pictures import camera  # noqa: E402
 
 _FOLDER = pathlib.Path(__file__).parent
 # Episodes that start apart from their goals, and whose targets the camera sees.
@@ -32,25 +32,28 @@ _LARGEST = 1_000_000  # bytes
 
 def _frames(task: str) -> tuple[list[Image.Image], list[int]]:
     """Returns pictures of the task's episodes and how long each is shown, in ms."""
-    player = rollout.Rollout(task, 'expert')
-    player.env.task.visualize_reward = True
+    env = fetch_composer.load(task)
+    env.task.visualize_reward = True
     width, height = (_OVERSAMPLING * each for each in _SIZE)
-    camera = rendering.Camera(player.env, _CAMERA, width, height)
+    corner = camera.Camera(env, _CAMERA, width, height)
     pictures: list[Image.Image] = []
     durations: list[int] = []
 
     def take(step: int) -> None:
         if step % _EVERY == 0:
-            picture = Image.fromarray(camera.picture())
+            picture = Image.fromarray(corner.picture())
             pictures.append(picture.resize(_SIZE, Image.Resampling.LANCZOS))
             durations.append(_FRAME_MS)
 
-    for seed in _SEEDS[task]:
-        episode = player.run(seed, take)
+    options = batch_rollout.EpisodeOptions(task, 'expert')
+    for episode in batch_rollout.run_episodes(options, _SEEDS[task]):
         if not episode.is_success:
-            raise RuntimeError(f'{task}: the expert fails with seed {seed}; choose another.')
+            raise RuntimeError(
+                f'{task}: the expert fails with seed {episode.seed}; choose another.'
+            )
+        replay.replay(env, episode, take)
         durations[-1] = _HOLD_MS
-    player.env.close()
+    env.close()
     return pictures, durations
 
 
@@ -59,7 +62,7 @@ def _save(path: pathlib.Path, pictures: list[Image.Image], durations: list[int])
     sample = Image.fromarray(np.concatenate([np.asarray(each) for each in pictures[::4]]))
     palette = sample.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT, kmeans=2)
     first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
-    with recording.whole_file(path) as partial:
+    with files.whole_file(path) as partial:
         first.save(
             partial, save_all=True, append_images=others, duration=durations, loop=0, optimize=True
         )

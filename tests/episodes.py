@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from fetch_composer import policies
+from fetch_composer.explorer.episodes.episode import Episode
+
 
 def uniform_actions(count: int, seed: int = 0, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
     """Returns (count, *batch_shape, 4) float32 actions, uniform in [-1, 1]."""
@@ -39,6 +42,25 @@ def push_until(env, observation, y: float, max_steps: int = 100):
 def run(env, actions) -> list:
     """Returns the time steps of `env.reset()` and of every action."""
     return [env.reset(), *(env.step(action) for action in actions)]
+
+
+def record(env, policy_name: str, seed: int) -> Episode:
+    """Returns what a policy does in a single environment in the episode of a seed."""
+    env.seed(seed)
+    policy = policies.load(policy_name, env, seed=seed)
+    policy.reset()
+    time_steps, actions = [env.reset()], []
+    while not time_steps[-1].last():
+        actions.append(policy(time_steps[-1].observation))
+        time_steps.append(env.step(actions[-1]))
+    observations = [each.observation for each in time_steps]
+    return Episode(
+        seed=seed,
+        **{name: np.stack([each[name] for each in observations]) for name in observations[0]},
+        action=np.stack(actions),
+        reward=np.array([each.reward for each in time_steps[1:]]),
+        step_seconds=0.0,
+    )
 
 
 def assert_same(time_steps, others) -> None:

@@ -10,15 +10,16 @@ import pytest
 
 import fetch_composer
 from fetch_composer.explorer.episodes import batch_rollout, replay
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.tasks import TaskOptions
+from tests import episodes as acting
 
 _ARRAYS = ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward')
 _STEPS = 25
 
 
-def _options(**changes):
-    defaults = {'task': 'push', 'policy': 'random', 'max_episode_steps': _STEPS}
-    return batch_rollout.EpisodeOptions(**{**defaults, **changes})
+def _options(task='push', policy='random', **task_options):
+    task_options = TaskOptions(**{'max_episode_steps': _STEPS, **task_options})
+    return batch_rollout.EpisodeOptions(task, policy, task_options)
 
 
 def _assert_equal(episodes, others, tolerance=0.0):
@@ -33,9 +34,9 @@ def _assert_equal(episodes, others, tolerance=0.0):
 @pytest.mark.parametrize('policy', ['expert', 'random'])
 def test_an_episode_is_that_of_the_single_environment(task_name, convention, policy):
     options = _options(task=task_name, policy=policy, convention=convention, reward_type='dense')
-    single = rollout.Rollout(task_name, policy, **options.task_kwargs)
+    env = fetch_composer.load(task_name, **options.task_kwargs)
     seeds = [4, 2, 9]
-    expected = [single.run(seed) for seed in seeds]
+    expected = [acting.record(env, policy, seed) for seed in seeds]
     _assert_equal(batch_rollout.run_episodes(options, seeds, num_envs=2), expected, 1e-9)
 
 

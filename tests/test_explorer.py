@@ -1,9 +1,9 @@
 """explore.py and the files that it writes, driven as a user drives it."""
 
-import dataclasses
 import json
 import os
 import pathlib
+import shlex
 import signal
 import subprocess
 import sys
@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import fetch_composer
+from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import rendering
-from fetch_composer.explorer.results import recording
+from fetch_composer.explorer.pictures import contact_sheet
+from fetch_composer.tasks import TaskOptions
+from tests import pages
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _EXPLORE = str(_ROOT / 'explore.py')
@@ -55,15 +56,8 @@ def _summary(folder):
 
 
 def _options(**changes):
-    options = run_lib.Options(
-        task='push', policy=('zero',), episodes=1, seed=0, convention='documented',
-        reward_type='sparse', max_episode_steps=3, num_envs=4, films='worst',
-        num_films=5, camera='front', width=96, height=64, fps=25,
-        trust_pickle=False, output_dir=None,
-    )  # fmt: skip
-    if 'policy' in changes:
-        changes['policy'] = (changes['policy'],)
-    return dataclasses.replace(options, **changes)
+    small = {'policy': ['zero'], 'episodes': 1, 'max_episode_steps': 3, 'width': 96, 'height': 64}
+    return flags.make_options({**small, **changes})
 
 
 # -- A whole run, with pictures --------------------------------------------------------------------
@@ -220,6 +214,17 @@ def test_pictures_can_be_switched_off(tmp_path):
     assert _summary(tmp_path)['gl_backend'] is None
 
 
+def test_opengl_is_chosen_before_anything_that_asks_for_it_is_imported():
+    code = (
+        'import runpy, sys\n'
+        'gl = runpy.run_path("fetch_composer/explorer/gl.py")\n'
+        'assert gl["choose"]() and gl["chosen"]() is None\n'
+        'assert not {"fetch_composer", "dm_control", "mujoco"} & set(sys.modules)'
+    )
+    environment = _environment(MUJOCO_GL='off')
+    subprocess.run([sys.executable, '-c', code], env=environment, cwd=_ROOT, check=True)
+
+
 def test_broken_opengl_is_noticed_and_the_rest_is_written(tmp_path):
     broken = tmp_path / 'broken'
     broken.mkdir()
@@ -251,7 +256,7 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
     ('changes', 'message'),
     [
         ({'task': 'pusch'}, r"Unknown task 'pusch'; valid are .*push"),
-        ({'policy': 'exprt'}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
+        ({'policy': ['exprt']}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
         (
             {'convention': 'v1'},
             r"Unknown convention 'v1'; valid are documented, gymnasium_robotics",
@@ -260,10 +265,10 @@ def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
         ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
         ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
         ({'films': 'funny'}, r"Unknown films 'funny'; valid are worst, best, first, all, none"),
-        ({'num_films': 0}, r'num_films must be a positive integer, got 0'),
-        ({'num_envs': -1}, r'num_envs must be a positive integer, got -1'),
-        ({'episodes': 0}, r'episodes must be a positive integer, got 0'),
-        ({'seed': -1}, r'seed must be a non-negative integer, got -1'),
+        ({'num_films': 0}, r'num_films must be a positive integer; got 0'),
+        ({'num_envs': -1}, r'num_envs must be a positive integer; got -1'),
+        ({'episodes': 0}, r'episodes must be a positive integer; got 0'),
+        ({'seed': -1}, r'seed must be a non-negative integer; got -1'),
         ({'width': 0}, r'width must be an even number of pixels from 64 to 3840, got 0'),
         ({'width': 1_000_000}, r'width must be .* got 1000000'),
         ({'height': 65}, r'height must be an even number of pixels from 64 to 2160, got 65'),
@@ -277,9 +282,24 @@ def test_a_mistake_is_named_before_anything_is_written(tmp_path, changes, messag
     assert not folder.exists()
 
 
+def test_what_the_explorer_has_no_flag_for_is_refused():
+    for name, value in (('observation_mode', 'pixels'), ('variations', {})):
+        options = run_lib.Options(task_options=TaskOptions(**{name: value}))
+        with pytest.raises(ValueError, match=f'{name} cannot be chosen.*valid are reward_type,'):
+            options.check()
+    endless = run_lib.Options(task_options=TaskOptions(max_episode_steps=None))
+    with pytest.raises(ValueError, match='max_episode_steps must be a positive integer: episodes'):
+        run_lib.Run(endless, None)
+
+
 @pytest.mark.parametrize(
     ('flag', 'message'),
     [
+        ('--gaol=1.3,0.8,0.42', "error: Unknown command line flag 'gaol'. Did you mean: goal"),
+        ('--goal=1.3,here', 'error: flag --goal=1.3,here: must be numbers with commas between'),
+        ('--goal=1.3,0.8', 'error: goal must be 3 finite numbers in m, got (1.3, 0.8)'),
+        ('--object_position=9,9', 'error: object_position [9.0, 9.0] is off the table'),
+        ('--import=nowhere', "error: There is no module 'nowhere' in the working directory"),
         ('--task=pusch', "error: Unknown task 'pusch'; valid are "),
         ('--output_dir={file}/out', 'error: Cannot write into --output_dir {file}/out: '),
         ('pusch', "error: unexpected argument 'pusch'"),
@@ -314,26 +334,99 @@ def test_the_package_itself_needs_no_extra():
     subprocess.run([sys.executable, '-c', code], env=_environment(MUJOCO_GL='off'), check=True)
 
 
+def test_help_lists_every_flag():
+    result = _explore('--help', MUJOCO_GL='disabled')
+    assert result.returncode == 0 and not result.stderr
+    for name in ('task', 'object_position', 'import', '[no]fresh'):
+        assert f'--{name}: ' in result.stdout
+
+
+# -- As a module -----------------------------------------------------------------------------------
+
+
+def _explore_as_module(*flag_words, cwd, **variables):
+    return subprocess.run(
+        [sys.executable, '-m', 'fetch_composer.explorer', *flag_words],
+        env=_environment(**variables), cwd=cwd, capture_output=True, text=True,
+    )  # fmt: skip
+
+
+def test_the_module_does_what_the_script_does(tmp_path, filmed):
+    folder, _ = filmed
+    given = ('--episodes=1', f'--max_episode_steps={_STEPS}', f'--seed={_SEED}', *_SMALL)
+    result = _explore_as_module(*given, f'--output_dir={tmp_path / "out"}', cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert _names(tmp_path / 'out') == {'contact_sheet.png', 'episode_000.mp4', *_PLAIN_FILES}
+    assert _summary(tmp_path / 'out')['gl_backend'] == _summary(folder)['gl_backend']
+    with (
+        np.load(folder / 'trajectories.npz') as script,
+        np.load(tmp_path / 'out' / 'trajectories.npz') as module,
+    ):
+        np.testing.assert_array_equal(module['observation'][0], script['observation'][0])
+
+
+def test_the_module_explains_a_mistake_in_one_line_too(tmp_path):
+    result = _explore_as_module('--task=pusch', cwd=tmp_path, MUJOCO_GL='disabled')
+    assert result.returncode == 1
+    assert result.stderr.startswith(
+        "python -m fetch_composer.explorer: error: Unknown task 'pusch'"
+    )
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stdout.count('No pictures') == 1
+
+
+def test_a_replay_command_films_the_episode_that_it_stands_beside(tmp_path, filmed):
+    folder, _ = filmed
+    options = flags.make_options(_summary(folder)['flags'])
+    command = shlex.split(flags.replay_command(options, options.policy, _SEED + 1))
+    command.remove(f'--output_dir={folder}/seed_{_SEED + 1}')
+    result = _explore_as_module(*command[3:], f'--output_dir={tmp_path}', cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    with imageio.get_reader(tmp_path / 'episode_000.mp4') as film:
+        assert film.get_meta_data()['fps'] == 20
+        assert film.get_meta_data()['size'] == (96, 64)
+    with (
+        np.load(folder / 'trajectories.npz') as run,
+        np.load(tmp_path / 'trajectories.npz') as replay,
+    ):
+        for name in ('seed', 'observation', 'action', 'reward'):
+            np.testing.assert_array_equal(replay[name], run[name][1:], err_msg=name)
+
+
+# -- Places and tasks of one's own -----------------------------------------------------------------
+
+
+def test_episodes_start_and_aim_where_they_are_told_to(tmp_path):
+    given = {'object_position': [1.3, 0.9], 'goal': [1.2, 0.6, 0.4]}
+    run = run_lib.Run(_options(output_dir=str(tmp_path), episodes=2, **given), None)
+    run.run()
+    run.close()
+    with np.load(tmp_path / 'trajectories.npz') as file:
+        np.testing.assert_allclose(file['achieved_goal'][:, 0, :2], [[1.3, 0.9]] * 2)
+        np.testing.assert_allclose(file['desired_goal'][:, 0], [[1.2, 0.6, 0.4]] * 2)
+    assert _summary(tmp_path)['flags']['goal'] == [1.2, 0.6, 0.4]
+
+
+def test_the_documented_task_of_ones_own_is_explored(tmp_path):
+    (tmp_path / 'gate.py').write_text(pages.code_of('new_task.md'))
+    result = _explore_as_module(
+        '--import=gate', '--task=push_through_gate', '--policy=random', '--episodes=2',
+        '--output_dir=out', cwd=tmp_path, MUJOCO_GL='disabled',
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert _names(tmp_path / 'out') == _PLAIN_FILES
+    report = (tmp_path / 'out' / 'report.html').read_text()
+    assert '<span>--task=push_through_gate</span>' in report
+    assert '<span>--import=gate</span>' in report
+
+
 # -- Rooms -----------------------------------------------------------------------------------------
-
-
-def test_an_episode_depends_on_its_seed_alone():
-    first = rollout.Rollout('push', 'random', max_episode_steps=20)
-    first.run(0)
-    first.run(1)
-    repeated = first.run(3)
-    fresh = rollout.Rollout('push', 'random', max_episode_steps=20).run(3)
-    for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
-        np.testing.assert_array_equal(getattr(repeated, name), getattr(fresh, name))
-    start = fetch_composer.load('push', seed=3).reset().observation
-    np.testing.assert_array_equal(fresh.observation[0], start['observation'])
-    np.testing.assert_array_equal(fresh.desired_goal[0], start['desired_goal'])
 
 
 def test_every_task_can_be_explored(tmp_path):
     for task in fetch_composer.ALL:
         folder = tmp_path / task
-        run = run_lib.Run(_options(task=task, policy='random', output_dir=str(folder)), None)
+        run = run_lib.Run(_options(task=task, policy=['random'], output_dir=str(folder)), None)
         run.run()
         run.close()
         assert _names(folder) == _PLAIN_FILES
@@ -354,11 +447,11 @@ def test_an_earlier_run_leaves_no_films_behind_that_could_be_taken_for_new_ones(
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path):
     path = tmp_path / 'file.txt'
-    with recording.whole_file(path) as partial:
+    with files.whole_file(path) as partial:
         partial.write_text('whole')
         assert not path.exists()
     assert path.read_text() == 'whole'
-    with pytest.raises(RuntimeError), recording.whole_file(path) as partial:
+    with pytest.raises(RuntimeError), files.whole_file(path) as partial:
         partial.write_text('ha')
         raise RuntimeError
     assert path.read_text() == 'whole'
@@ -367,6 +460,6 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
 
 @pytest.mark.parametrize(('steps', 'shown'), [(50, 8), (7, 8), (3, 4), (1, 2)])
 def test_a_contact_sheet_shows_start_and_end_and_no_step_twice(steps, shown):
-    selected = rendering.shown_steps(steps)
+    selected = contact_sheet.shown_steps(steps)
     assert len(selected) == len(set(selected)) == shown
     assert selected[0] == 0 and selected[-1] == steps

@@ -10,7 +10,10 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies
+from fetch_composer.explorer import flags
+from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.tasks import TaskOptions
 
 _SIZES = {'observation': 25, 'achieved_goal': 3, 'desired_goal': 3}
 
@@ -82,7 +85,7 @@ def test_a_network_acts_on_the_observations_that_it_names(
 def test_a_network_is_run_by_the_batch(tmp_path):
     path = str(tmp_path / 'policy.onnx')
     _save_onnx(path, [('observation', ['batch', 25])])
-    options = batch_rollout.EpisodeOptions('push', path, max_episode_steps=4)
+    options = batch_rollout.EpisodeOptions('push', path, TaskOptions(max_episode_steps=4))
     (alone,) = batch_rollout.run_episodes(options, [1])
     together = batch_rollout.run_episodes(options, [0, 1, 2], num_envs=3)
     np.testing.assert_array_equal(alone.action, together[1].action)
@@ -307,8 +310,27 @@ def code(tmp_path, monkeypatch):
 
 
 def _run(policy, seeds=(0,), **options):
-    options = batch_rollout.EpisodeOptions('push', policy, max_episode_steps=6, **options)
+    task_options = TaskOptions(max_episode_steps=6)
+    options = batch_rollout.EpisodeOptions('push', policy, task_options, **options)
     return batch_rollout.run_episodes(options, seeds, num_envs=2)
+
+
+def test_a_run_loads_and_tries_each_policy_once(code, monkeypatch, tmp_path):
+    loaded, load = [], policies.factory
+
+    def factory(name, *args):
+        loaded.append(name)
+        return load(name, *args)
+
+    monkeypatch.setattr(policies, 'factory', factory)
+    names = [f'{code}:Noisy', f'{code}:still']
+    run = run_lib.Run(
+        flags.make_options({'policy': names, 'episodes': 3, 'max_episode_steps': 2}), None
+    )
+    run.run()
+    run.close()
+    assert loaded == names
+    assert sys.modules[code].Noisy.resets == 3 + 1
 
 
 def test_a_function_acts(code):

@@ -11,22 +11,24 @@ import time
 import numpy as np
 import pytest
 
+import fetch_composer
+from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import filming
-from fetch_composer.explorer.results import recording, store
+from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.pictures import film
+from fetch_composer.explorer.results import store
+from tests import episodes
 
 _ROOT = pathlib.Path(__file__).parent.parent
 _FLAGS = ('--policy=random', '--episodes=200', '--max_episode_steps=8', '--num_envs=4')
 
 
 def _options(folder, **changes):
-    options = run_lib.Options(
-        task='push', policy=('random',), episodes=7, seed=3, convention='documented',
-        reward_type='sparse', max_episode_steps=4, num_envs=2, films='worst', num_films=2,
-        camera='front', width=96, height=64, fps=25, trust_pickle=False, output_dir=str(folder),
-    )  # fmt: skip
-    return dataclasses.replace(options, **changes)
+    small = {
+        'policy': ['random'], 'episodes': 7, 'seed': 3, 'max_episode_steps': 4, 'num_envs': 2,
+        'num_films': 2, 'width': 96, 'height': 64, 'output_dir': str(folder),
+    }  # fmt: skip
+    return flags.make_options({**small, **changes})
 
 
 def _run(options, **kwargs):
@@ -61,7 +63,7 @@ def _arrays(folder):
 
 
 def _figures(folder):
-    summary = recording.load_json(folder / 'summary.json')
+    summary = files.load_json(folder / 'summary.json')
     del summary['wall_seconds']
     for each in summary.get('policies', [summary]):
         del each['control_steps_per_second']
@@ -120,10 +122,10 @@ def test_finished_episodes_are_kept_and_none_is_counted_twice(tmp_path):
 
 
 def test_a_comparison_is_continued_policy_by_policy(tmp_path):
-    options = _options(tmp_path / 'stopped', policy=('random', 'zero'))
+    options = _options(tmp_path / 'stopped', policy=['random', 'zero'])
     _run_stopped(options, after=6)
     assert _run(options).continued == 6
-    _run(_options(tmp_path / 'whole', policy=('random', 'zero')))
+    _run(_options(tmp_path / 'whole', policy=['random', 'zero']))
     for name in ('1_random', '2_zero'):
         one, two = _arrays(options.folder / name), _arrays(tmp_path / 'whole' / name)
         np.testing.assert_array_equal(one['observation'], two['observation'])
@@ -147,7 +149,9 @@ def test_an_unfinished_run_of_other_options_is_left_alone(tmp_path):
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*') if path.is_file()}
     for changes, name in (
         ({'reward_type': 'dense'}, 'reward_type'),
-        ({'policy': ('zero',)}, 'policies'),
+        ({'policy': ['zero']}, 'policies'),
+        ({'object_position': [1.3, 0.75]}, 'object_position'),
+        ({'goal': [1.3, 0.8, 0.42], 'convention': 'gymnasium_robotics'}, 'convention, goal'),
         ({'max_episode_steps': 3}, 'max_episode_steps'),
     ):
         with pytest.raises(ValueError, match=f'unfinished run that differs in {name}:.*--fresh'):
@@ -179,7 +183,7 @@ def test_an_unreadable_file_of_the_store_is_run_again(tmp_path):
 
 def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypatch):
     _run_stopped(_options(tmp_path), after=4)
-    monkeypatch.setattr(store, 'code_digest', lambda: 'other')
+    monkeypatch.setattr(origins, 'code_digest', lambda: 'other')
     with pytest.raises(ValueError, match='differs in code'):
         run_lib.Run(_options(tmp_path), None)
 
@@ -189,12 +193,12 @@ def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypa
 
 def test_episodes_to_film_are_chosen_over_all_policies():
     distances = [[0.1, 0.5, 0.0, 0.2], [0.3, 0.1, 0.0, 0.0]]
-    assert filming.choose(distances, 'worst', 3) == [1, 0, 3]
-    assert filming.choose(distances, 'best', 2) == [2, 3]
-    assert filming.choose(distances, 'first', 2) == [0, 1]
-    assert filming.choose(distances, 'all', 2) == [0, 1, 2, 3]
-    assert filming.choose(distances, 'none', 2) == []
-    assert filming.choose(distances, 'worst', 9) == [1, 0, 3, 2]
+    assert film.choose(distances, 'worst', 3) == [1, 0, 3]
+    assert film.choose(distances, 'best', 2) == [2, 3]
+    assert film.choose(distances, 'first', 2) == [0, 1]
+    assert film.choose(distances, 'all', 2) == [0, 1, 2, 3]
+    assert film.choose(distances, 'none', 2) == []
+    assert film.choose(distances, 'worst', 9) == [1, 0, 3, 2]
 
 
 def test_a_film_that_is_there_is_not_taken_again(tmp_path):
@@ -205,21 +209,21 @@ def test_a_film_that_is_there_is_not_taken_again(tmp_path):
             self.pictures += 1
             return np.full((64, 96, 3), 2 * self.pictures, np.uint8)
 
-    single = rollout.Rollout('push', 'random', max_episode_steps=4)
-    episode, camera = single.run(5), Camera()
-    studio = filming.Studio(tmp_path / 'films', single.env, camera, 25)
-    assert studio.kept(episode) is None
+    env = fetch_composer.load('push', max_episode_steps=4)
+    episode = episodes.record(env, 'random', 5)
+    films = film.Films(tmp_path / 'films', env, Camera(), 25)
+    assert films.kept(episode) is None
 
     def interrupt(step):
         if step == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        studio.film(episode, interrupt)
-    assert studio.kept(episode) is None
-    film = studio.film(episode, lambda step: None)
-    kept = studio.kept(episode)
-    assert kept.path == film.path and film.path.stat().st_size > 0
-    assert len(kept.thumbnails) == len(film.thumbnails) == 5
-    for one, other in zip(kept.thumbnails, film.thumbnails, strict=True):
+        films.take(episode, interrupt)
+    assert films.kept(episode) is None
+    taken = films.take(episode, lambda step: None)
+    kept = films.kept(episode)
+    assert kept.path == taken.path and taken.path.stat().st_size > 0
+    assert len(kept.thumbnails) == len(taken.thumbnails) == 5
+    for one, other in zip(kept.thumbnails, taken.thumbnails, strict=True):
         np.testing.assert_array_equal(np.asarray(one), np.asarray(other))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.results import compare, statistics
 
 
@@ -69,7 +69,7 @@ def test_the_interval_of_a_mean_difference_is_students():
 
 def _episode(seed, distance):
     goals = np.zeros((3, 3))
-    return rollout.Episode(
+    return Episode(
         seed=seed, observation=np.zeros((3, 25)), achieved_goal=goals + (distance, 0, 0),
         desired_goal=goals, action=np.zeros((2, 4)), reward=np.zeros(2), step_seconds=0.1,
     )  # fmt: skip

@@ -6,7 +6,12 @@ import re
 from collections.abc import Sequence
 
 from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.pictures import filming, rendering
+from fetch_composer.explorer.pictures import film
+from fetch_composer.tasks import TaskOptions, checks
+
+# Options of a task that the explorer leaves as they are: a batch takes no pictures for policies,
+# and a variation is an object, which no flag can name.
+NOT_EXPLORED = ('observation_mode', 'pixels', 'variations')
 
 _UNFIT_FOR_A_NAME = re.compile(r'[^A-Za-z0-9._-]+')
 _LONGEST_NAME = 40
@@ -16,45 +21,48 @@ _LONGEST_NAME = 40
 class Options:
     """What to run and how to film it.
 
+    Each of these is a flag of the command line as well, and the text here is its help.
+
     Attributes:
-        task: Name of the task.
-        policy: The policies to run (see `policies.load`); several are compared on the same seeds.
-        episodes: Number of episodes of each.
+        task: Name of the task, such as push, or one that an imported module registers.
+        policy: Who acts: expert, random, zero, PATH.onnx, PATH.zip of Stable-Baselines3, or
+            module:function. Several are compared on the same seeds.
+        task_options: Options of the task.
+        episodes: Number of episodes of each policy.
         seed: Seed of the first episode; each has the next one.
-        convention: 'documented' or 'gymnasium_robotics'.
-        reward_type: 'sparse' or 'dense'.
-        max_episode_steps: Control steps of an episode.
-        num_envs: How many episodes run at a time; it changes none of them.
-        films: Which episodes to film, one of `filming.CHOICES`.
-        num_films: How many of them.
-        camera: Name of a camera.
-        width: Width of the film in pixels.
-        height: Height of the film in pixels.
-        fps: Frames per second of the film, which has a frame for every control step.
-        trust_pickle: Whether code within a policy's file may run.
-        output_dir: Folder to write into; None for `output/<task>_<policy>`.
-        ray: 'local' or the address of a Ray cluster to run the episodes on; None for neither.
-        dataset: Name of a Minari dataset to write the episodes to; None for none.
+        num_envs: How many episodes run at a time, on all processors; it changes none of them.
+        films: Which episodes to film: worst, best, first, all or none.
+        num_films: How many episodes to film of the worst, best or first.
+        camera: Camera to film with, such as corner, front, side, top or close.
+        width: Width of a film in pixels; without a GPU, 480x360 costs about 0.1 s a frame.
+        height: Height of a film in pixels.
+        fps: Frames per second of a film, which has a frame for every control step; 25 is real
+            time.
+        trust_pickle: Whether to read a Stable-Baselines3 zip, which can run code as it is read.
+        output_dir: Folder to write into; by default output/<task>_<policy>.
+        ray: Ray cluster to run the episodes on: its address, or local for one of this machine.
+        dataset: Minari dataset to write the episodes to: [namespace/]name-v0.
+        imports: Module to import first, which registers a task of your own; it may lie in the
+            working folder.
     """
 
-    task: str
-    policy: Sequence[str]
-    episodes: int
-    seed: int
-    convention: str
-    reward_type: str
-    max_episode_steps: int
-    num_envs: int
-    films: str
-    num_films: int
-    camera: str
-    width: int
-    height: int
-    fps: int
-    trust_pickle: bool
-    output_dir: str | None
+    task: str = 'push'
+    policy: Sequence[str] = ('expert',)
+    task_options: TaskOptions = TaskOptions()
+    episodes: int = 5
+    seed: int = 0
+    num_envs: int = 64
+    films: str = 'worst'
+    num_films: int = 5
+    camera: str = 'corner'
+    width: int = 480
+    height: int = 360
+    fps: int = 25
+    trust_pickle: bool = False
+    output_dir: str | None = None
     ray: str | None = None
     dataset: str | None = None
+    imports: Sequence[str] = dataclasses.field(default=(), metadata={'flag': 'import'})
 
     def check(self) -> None:
         """Raises `ValueError`, which says what is valid, if an option is out of range.
@@ -62,16 +70,21 @@ class Options:
         Raises `ImportError`, which says what to install, if one needs what is not there.
         """
         for name in ('episodes', 'num_envs', 'num_films'):
-            if getattr(self, name) < 1:
-                raise ValueError(f'{name} must be a positive integer, got {getattr(self, name)}.')
-        if self.seed < 0:
-            raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
+            checks.positive_integer(name, getattr(self, name))
+        checks.integer('seed', self.seed, 0)
         if not self.policy:
             raise ValueError('policy must name at least one.')
         if len(set(self.policy)) < len(self.policy):
             raise ValueError('policy names the same one twice; two that differ can be compared.')
-        filming.check_choice(self.films)
-        rendering.check_film_format(self.width, self.height, self.fps)
+        for name in NOT_EXPLORED:
+            if getattr(self.task_options, name) != getattr(TaskOptions(), name):
+                valid = (each.name for each in dataclasses.fields(TaskOptions))
+                raise ValueError(
+                    f'{name} cannot be chosen in the explorer; of a task, valid are '
+                    f'{", ".join(each for each in valid if each not in NOT_EXPLORED)}.'
+                )
+        film.check_choice(self.films)
+        film.check_format(self.width, self.height, self.fps)
         if self.ray is not None:
             from fetch_composer.explorer.episodes import ray_rollout
 
@@ -94,15 +107,23 @@ class Options:
         names = '_vs_'.join(file_name(policy) for policy in self.policy)
         return pathlib.Path(self.output_dir or f'output/{self.task}_{names}')
 
+    @property
+    def steps(self) -> int:
+        """Control steps of every episode.
+
+        Raises:
+            ValueError: if there is no end to them.
+        """
+        return self.of_episodes('').steps
+
     def of_episodes(self, policy: str) -> batch_rollout.EpisodeOptions:
         """Returns what decides on the episodes of one of the policies."""
         return batch_rollout.EpisodeOptions(
             task=self.task,
             policy=policy,
-            convention=self.convention,
-            reward_type=self.reward_type,
-            max_episode_steps=self.max_episode_steps,
+            task_options=self.task_options,
             trust_pickle=self.trust_pickle,
+            imports=tuple(self.imports),
         )
 
 

@@ -2,46 +2,26 @@
 
 import contextlib
 import dataclasses
-import re
+import json
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import tqdm
 
 import fetch_composer
-from fetch_composer import policies
-from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer import policies, user_modules
+from fetch_composer.explorer import files, flags, signals
+from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
-from fetch_composer.explorer.pictures import filming, plots, rendering
-from fetch_composer.explorer.report import page as report
-from fetch_composer.explorer.results import compare, recording, store
+from fetch_composer.explorer.pictures import camera, film
+from fetch_composer.explorer.report import page
+from fetch_composer.explorer.results import compare, store, summary, titles, writing
 from fetch_composer.explorer.results.candidate import Candidate
+from fetch_composer.explorer.results.setting import Setting
 
-__all__ = ('Options', 'Run', 'Written')
-
-TRAJECTORIES = 'trajectories.npz'
-SUMMARY = 'summary.json'
-REPORT = 'report.html'
-PROGRESS = 'progress.png'
-CONTACT_SHEET = 'contact_sheet.png'
-_OWN_NAME = re.compile(
-    r'(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
-)
-
-
-@dataclasses.dataclass(frozen=True)
-class Written:
-    """Files of one kind that a run has written into its folder.
-
-    Attributes:
-        names: Their names.
-        content: What is in them.
-    """
-
-    names: Sequence[str]
-    content: str
+__all__ = ('Options', 'Run')
 
 
 class Run:
@@ -64,21 +44,23 @@ class Run:
         options.check()
         self.options = options
         self._gl_backend = gl_backend
-        self._env = fetch_composer.load(
-            options.task, **options.of_episodes(options.policy[0]).task_kwargs
-        )
+        user_modules.load_all(options.imports)
+        of_episodes = [options.of_episodes(policy) for policy in options.policy]
+        self._env = fetch_composer.load(options.task, **of_episodes[0].task_kwargs)
         context = policies.PolicyContext.of(self._env)
-        for policy in options.policy:
-            make = policies.factory(policy, context, options.trust_pickle)
-            batch_rollout.try_policy(policy, make, self._env.reset().observation, context)
-        self._control_timestep = self._env.control_timestep()
-        self._camera = rendering.Camera(self._env, options.camera, options.width, options.height)
-        recording.prepare_folder(options.folder)
-        self._store = store.Store(options.folder, self._identity(), fresh)
+        observation = self._env.reset().observation
         self.candidates = [
-            Candidate(policy, f'{number}_{file_name(policy)}', len(options.policy) == 1)
-            for number, policy in enumerate(options.policy, start=1)
+            Candidate(
+                each.policy,
+                f'{number}_{file_name(each.policy)}',
+                len(options.policy) == 1,
+                batch_rollout.tried_policy(each, context, observation),
+            )
+            for number, each in enumerate(of_episodes, start=1)
         ]
+        self._camera = camera.Camera(self._env, options.camera, options.width, options.height)
+        files.prepare_folder(options.folder)
+        self._store = store.Store(options.folder, self._identity(), fresh)
         self.stopped_by: signal.Signals | None = None
         self.continued = 0
 
@@ -95,22 +77,9 @@ class Run:
     @property
     def results(self) -> list[str]:
         """Says of each policy, in one line, how its finished episodes went."""
-        lines = []
-        for each in self.candidates:
-            if not each.episodes:
-                continue
-            figures = recording.summarize(each.episodes)
-            distance_cm = 100 * figures['final_distance_m']['mean']
-            lines.append(
-                (f'{each.policy}: ' if len(self.candidates) > 1 else '')
-                + f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
-                f'{len(each.episodes)}; mean distance {distance_cm:.1f} cm; '
-                f'mean return {figures["return"]["mean"]:.4g}; '
-                f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
-            )
-        return lines
+        return [titles.result(each) for each in self.candidates if each.episodes]
 
-    def run(self) -> list[Written]:
+    def run(self) -> list[writing.Written]:
         """Runs the episodes that are not finished yet, and writes the files.
 
         On SIGINT or SIGTERM the present episodes are dropped and `stopped_by` is set; files tell
@@ -124,13 +93,13 @@ class Run:
             ReplayError: if a film does not show what happened.
         """
         started = time.perf_counter()
-        with _signals_noted() as noted:
+        with signals.noted() as noted:
 
             def on_progress() -> None:
                 if noted:
-                    raise _Stopped
+                    raise signals.Stopped
 
-            with contextlib.suppress(_Stopped):
+            with contextlib.suppress(signals.Stopped):
                 self._run_episodes(on_progress)
                 self._take_films(on_progress)
             # A signal that comes later finds nothing left to be stopped.
@@ -155,8 +124,8 @@ class Run:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
         with tqdm.tqdm(
-            total=len(self.candidates) * options.episodes * options.max_episode_steps,
-            initial=self.finished * options.max_episode_steps,
+            total=len(self.candidates) * options.episodes * options.steps,
+            initial=self.finished * options.steps,
             unit='step',
             dynamic_ncols=True,
             mininterval=0.5,
@@ -195,7 +164,9 @@ class Run:
         if not seeds:
             return
         with rollouts(
-            options.of_episodes(candidate.policy), min(options.num_envs, len(seeds))
+            options.of_episodes(candidate.policy),
+            min(options.num_envs, len(seeds)),
+            make_policy=candidate.make_policy,
         ) as batch:
             for episodes in batch.run(seeds, on_progress):
                 self._store.add(candidate.key, episodes)
@@ -207,13 +178,13 @@ class Run:
         if self._gl_backend is None:
             return []
         distances = [[e.distance[-1] for e in each.episodes] for each in self.candidates]
-        return filming.choose(distances, self.options.films, self.options.num_films)
+        return film.choose(distances, self.options.films, self.options.num_films)
 
     def _take_films(self, on_progress: Callable[[], None]) -> None:
         options, chosen = self.options, self._chosen()
         look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}'
         with tqdm.tqdm(
-            total=len(self.candidates) * len(chosen) * (options.max_episode_steps + 1),
+            total=len(self.candidates) * len(chosen) * (options.steps + 1),
             unit='frame',
             desc='films',
             dynamic_ncols=True,
@@ -228,111 +199,38 @@ class Run:
 
             for each in self.candidates:
                 folder = self._store.folder(each.key, f'films_{look}')
-                studio = filming.Studio(folder, self._env, self._camera, options.fps)
+                films = film.Films(folder, self._env, self._camera, options.fps)
                 for index in chosen:
                     episode = each.episodes[index]
-                    film = studio.kept(episode)
-                    if film is None:
-                        film = studio.film(episode, advance)
-                    else:
-                        bar.update(options.max_episode_steps + 1)
-                    each.films[index] = film
+                    kept = films.kept(episode)
+                    if kept is not None:
+                        bar.update(options.steps + 1)
+                    each.films[index] = kept or films.take(episode, advance)
 
-    def _write(self, wall_seconds: float) -> list[Written]:
-        folder = self.options.folder
-        names_before = recording.load_json(folder / SUMMARY).get('files', ())
+    def _write(self, wall_seconds: float) -> list[writing.Written]:
         candidates = [each for each in self.candidates if each.episodes]
-        for each in candidates:
-            (folder / each.path('')).mkdir(exist_ok=True)
-        comparisons = self._comparisons()
-        self._write_report(candidates, comparisons)
-        written = [
-            Written((REPORT,), 'all of it on one page, films included'),
-            *self._write_pictures([each for each in candidates if each.films]),
-            *self._write_data(candidates),
-        ]
-        names = [name for each in written for name in each.names]
-        summary = self._summary(wall_seconds, comparisons)
-        recording.save_json(folder / SUMMARY, {**summary, 'files': names})
-
-        # A film of an earlier and longer run would be taken for one of this run.
-        for name in set(names_before) - set(names):
-            if isinstance(name, str) and _OWN_NAME.fullmatch(name):
-                (folder / name).unlink(missing_ok=True)
-                with contextlib.suppress(OSError):  # Of the folder itself, or one not empty.
-                    (folder / name).parent.rmdir()
-        return written
-
-    def _comparisons(self) -> list[compare.Comparison]:
-        """Returns the comparison of the first policy with each other."""
-        first, *others = self.candidates
-        compared = [
-            compare.compare(first.policy, first.episodes, each.policy, each.episodes)
-            for each in others
-        ]
-        return [each for each in compared if each is not None]
-
-    def _write_report(
-        self, candidates: Sequence[Candidate], comparisons: Sequence[compare.Comparison]
-    ) -> None:
-        task = self._env.task
-        page = report.render(
+        comparisons = compare.compare_all(self.candidates)
+        setting = Setting.of(self._env)
+        report = page.render(
             self.options,
             candidates,
             comparisons,
-            report.Setting(task.workspace, task.scene.block is not None, self._control_timestep),
-            recording.versions(),
+            setting,
+            origins.versions(),
             stopped=self.stopped_by is not None,
         )
-        recording.save_text(self.options.folder / REPORT, page)
+        figures = {
+            'flags': flags.flag_values(self.options),
+            'episodes_finished': self.finished,
+            'stopped_by': self.stopped_by.name if self.stopped_by else None,
+            'wall_seconds': round(wall_seconds, 2),
+            'gl_backend': self._gl_backend,
+            'versions': origins.versions(),
+            **summary.of_run(candidates, comparisons),
+        }
+        return writing.write(self.options.folder, candidates, setting, report, figures)
 
-    def _write_pictures(self, candidates: Sequence[Candidate]) -> list[Written]:
-        sheets, films = [], []
-        for each in candidates:
-            strips = [
-                rendering.Strip(index, each.episodes[index], film.thumbnails)
-                for index, film in list(each.films.items())[: rendering.MAX_ROWS]
-            ]
-            title = self._title(each)
-            if len(strips) < len(each.episodes):
-                title += f' · {len(strips)} are shown'
-            sheets.append(each.path(CONTACT_SHEET))
-            rendering.save_contact_sheet(
-                self.options.folder / sheets[-1], strips, title, self._control_timestep
-            )
-            for index, film in each.films.items():
-                films.append(each.film_path(index))
-                recording.copy(film.path, self.options.folder / films[-1])
-        if not films:
-            return []
-        return [
-            Written(sheets, 'a row of pictures for each film'),
-            Written(sorted(films), 'films'),
-        ]
-
-    def _write_data(self, candidates: Sequence[Candidate]) -> list[Written]:
-        folder = self.options.folder
-        for each in candidates:
-            plots.save_progress(
-                folder / each.path(PROGRESS),
-                each.episodes,
-                self._title(each),
-                self._control_timestep,
-            )
-            recording.save_trajectories(folder / each.path(TRAJECTORIES), each.episodes)
-        return [
-            Written(
-                [each.path(PROGRESS) for each in candidates],
-                'distance to the goal and return over time',
-            ),
-            Written(
-                [each.path(TRAJECTORIES) for each in candidates],
-                'observations, actions and rewards, for numpy.load',
-            ),
-            Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
-        ]
-
-    def _write_dataset(self) -> list[Written]:
+    def _write_dataset(self) -> list[writing.Written]:
         if self.options.dataset is None:
             return []
         from fetch_composer.explorer.results import minari_dataset
@@ -343,71 +241,21 @@ class Run:
             self.options.of_episodes(candidate.policy),
             candidate.episodes,
         )
-        return [Written([str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})')]
-
-    def _title(self, candidate: Candidate) -> str:
-        """Says in one line what was run and how it went."""
-        reached = sum(episode.is_success for episode in candidate.episodes)
-        return (
-            f'{self.options.task} · {candidate.policy} · {self.options.convention}: '
-            f'{reached} of {len(candidate.episodes)} end at the goal'
-        )
+        return [
+            writing.Written(
+                [str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})'
+            )
+        ]
 
     def _identity(self) -> dict[str, Any]:
-        options = dataclasses.asdict(self.options.of_episodes(''))
-        del options['policy'], options['trust_pickle']
-        return {
-            **options,
-            'policies': [[each, policies.digest(each)] for each in self.options.policy],
-            'versions': recording.versions(),
-            'code': store.code_digest(),
+        options = self.options
+        identity = {
+            'task': options.task,
+            **dataclasses.asdict(options.task_options),
+            'policies': [[each, policies.digest(each)] for each in options.policy],
+            'imports': [[each, user_modules.digest(each)] for each in options.imports],
+            'versions': origins.versions(),
+            'code': origins.code_digest(),
         }
-
-    def _summary(
-        self, wall_seconds: float, comparisons: Sequence[compare.Comparison]
-    ) -> dict[str, Any]:
-        summary = {
-            'flags': dataclasses.asdict(self.options),
-            'episodes_finished': self.finished,
-            'stopped_by': self.stopped_by.name if self.stopped_by else None,
-            'wall_seconds': round(wall_seconds, 2),
-            'gl_backend': self._gl_backend,
-            'versions': recording.versions(),
-        }
-        if len(self.candidates) == 1:
-            return {**summary, **recording.summarize(self.candidates[0].episodes)}
-        return {
-            **summary,
-            'comparisons': [each.figures() for each in comparisons],
-            'policies': [
-                {'policy': each.policy, **recording.summarize(each.episodes)}
-                for each in self.candidates
-                if each.episodes
-            ],
-        }
-
-
-class _Stopped(Exception):
-    """Ends an episode that a signal has interrupted."""
-
-
-@contextlib.contextmanager
-def _signals_noted() -> Iterator[list[signal.Signals]]:
-    """Gives a list to which SIGINT and SIGTERM are added, so that files are written to the end.
-
-    A second signal interrupts at once.
-    """
-    noted: list[signal.Signals] = []
-
-    def note(number, frame) -> None:
-        del frame  # Unused.
-        if noted:
-            raise KeyboardInterrupt
-        noted.append(signal.Signals(number))
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield noted
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        # As it will be read again: with lists for tuples and arrays.
+        return json.loads(json.dumps(identity, default=list))

@@ -101,7 +101,6 @@ def digest(name: str) -> str | None:
     """
     if name in _POLICIES:
         return None
-    path = name if name.endswith(('.onnx', '.zip')) else code_policy.source(name)
-    if path is None:
-        return None
-    return hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()
+    if name.endswith(('.onnx', '.zip')):
+        return hashlib.sha256(pathlib.Path(name).read_bytes()).hexdigest()
+    return code_policy.digest(name)

@@ -1,6 +1,8 @@
 """Minari: a run's episodes are read back, and replayed in the environment that they came from."""
 
 import dataclasses
+import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -10,6 +12,8 @@ import numpy as np
 import pytest
 
 from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.tasks import TaskOptions
+from tests import pages
 from tests.test_resume import _options as _run_options
 from tests.test_resume import _run, _run_stopped
 
@@ -31,12 +35,14 @@ def datasets(tmp_path, monkeypatch):
 
 
 def _options(folder, **changes):
-    return dataclasses.replace(_run_options(folder), dataset='fetch/push-random-v0', **changes)
+    return _run_options(folder, dataset='fetch/push-random-v0', **changes)
 
 
 @pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
 def test_a_dataset_is_replayed_by_the_environment_it_recovers(task_name, convention, reward_type):
-    options = batch_rollout.EpisodeOptions(task_name, 'random', convention, reward_type, 12)
+    options = batch_rollout.EpisodeOptions(
+        task_name, 'random', TaskOptions(reward_type, 12, convention)
+    )
     seeds = [11, 5, 7]
     minari_dataset.save('replay-v3', options, batch_rollout.run_episodes(options, seeds))
     dataset = minari.load_dataset('replay-v3')
@@ -88,7 +94,7 @@ def test_a_run_writes_its_dataset_once_it_is_finished(tmp_path, datasets):
 
 
 def test_a_dataset_that_cannot_be_written_whole_is_not_there(datasets, monkeypatch):
-    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     episodes = batch_rollout.run_episodes(options, [0, 1])
 
     def fail(index, episode):
@@ -110,18 +116,56 @@ def test_a_dataset_that_is_there_is_refused_before_anything_is_run(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['', 'push', 'push-v', 'push v0', '/push-v0', '../push-v0'])
-def test_a_name_that_is_none_is_refused(name):
+def test_what_cannot_be_a_name_is_refused(name):
     with pytest.raises(ValueError, match=r'must have the form \[namespace/\]name-v0'):
         minari_dataset.check_name(name)
 
 
 def test_a_dataset_is_of_one_policy(tmp_path):
     with pytest.raises(ValueError, match='dataset is of one policy'):
-        _run(_options(tmp_path, policy=('random', 'zero')))
+        _run(_options(tmp_path, policy=['random', 'zero']))
+
+
+def test_given_places_are_the_recovered_environments_own():
+    given = TaskOptions(object_position=(1.3, 0.9), goal=(1.2, 0.6, 0.4), max_episode_steps=2)
+    options = batch_rollout.EpisodeOptions('push', 'zero', given)
+    minari_dataset.save('push-v0', options, batch_rollout.run_episodes(options, [0]))
+    dataset = minari.load_dataset('push-v0')
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', DeprecationWarning)  # -v2 beside -v4.
+        observation, _ = dataset.recover_environment().reset(seed=8)
+    np.testing.assert_allclose(observation['achieved_goal'][:2], given.object_position, atol=1e-9)
+    np.testing.assert_allclose(observation['desired_goal'], given.goal)
+
+
+def test_a_task_of_ones_own_has_a_dataset_that_its_module_reads_back(tmp_path):
+    (tmp_path / 'gate.py').write_text(pages.code_of('new_task.md'))
+    command = (
+        '-m', 'fetch_composer.explorer', '--import=gate', '--task=push_through_gate',
+        '--policy=random', '--episodes=2', '--max_episode_steps=3', '--dataset=gate-v0',
+    )  # fmt: skip
+    recover = (
+        'import gate, minari\n'
+        'environment = minari.load_dataset("gate-v0").recover_environment()\n'
+        'environment.reset(seed=0)\n'
+        'print(environment.spec.id, environment.spec.max_episode_steps)'
+    )
+    environment = {
+        **os.environ,
+        'MUJOCO_GL': 'disabled',
+        'PYTHONPATH': str(pathlib.Path(__file__).parents[2]),
+    }
+    for arguments in (command, ('-W', 'ignore', '-c', recover)):
+        result = subprocess.run(
+            [sys.executable, *arguments],
+            env=environment, cwd=tmp_path, capture_output=True, text=True,
+        )  # fmt: skip
+        assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == 'fetch_composer/FetchPushThroughGate-v0 3'
 
 
 def test_reading_a_dataset_back_needs_no_import_of_ours():
-    options = batch_rollout.EpisodeOptions('reach', 'zero', max_episode_steps=2)
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     minari_dataset.save('reach-v0', options, batch_rollout.run_episodes(options, [0]))
     code = 'import minari; minari.load_dataset("reach-v0").recover_environment().reset(seed=0)'
     subprocess.run([sys.executable, '-W', 'ignore', '-c', code], check=True)

@@ -17,6 +17,7 @@ import pytest
 
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.results import store
+from tests import pages
 
 pytest.importorskip('ray', reason="Ray is not installed: pip install -e '.[ray]'")
 
@@ -116,9 +117,13 @@ import numpy as np
 import ray
 from ray.cluster_utils import Cluster
 from fetch_composer.explorer.episodes import batch_rollout, ray_rollout
+from fetch_composer.tasks import TaskOptions
 
 here, run = pathlib.Path.cwd(), ray_rollout._run
 log, hung = here / 'log', here / 'hung'
+
+def first_ten_are_done():
+    return len(log.read_text().splitlines()) > 10
 
 def logged(options, seeds, num_envs, needed):
     node = ray.get_runtime_context().get_node_id()
@@ -128,6 +133,8 @@ def logged(options, seeds, num_envs, needed):
         hung.with_suffix('.part').write_text(f'{os.getpid()} {seeds[0]}')
         hung.with_suffix('.part').rename(hung)
         time.sleep(600)  # Until the node is killed: this task never ends on it.
+    while node != doomed_id and not hung.exists() and first_ten_are_done():
+        time.sleep(0.05)  # Or this node might do all before the other has begun.
     return run(options, seeds, num_envs, needed)
 
 ray_rollout._run = logged
@@ -137,7 +144,7 @@ nodes = Cluster(initialize_head=True, head_node_args={
                        'health_check_failure_threshold': 5}})
 doomed = nodes.add_node(num_cpus=1)
 doomed_id = doomed.node_id
-options = batch_rollout.EpisodeOptions('push', 'random', max_episode_steps=8)
+options = batch_rollout.EpisodeOptions('push', 'random', TaskOptions(max_episode_steps=8))
 seeds = list(range(5, 405))
 killed = []
 
@@ -174,6 +181,15 @@ def test_a_node_that_is_killed_loses_no_episode_and_counts_none_twice(isolated, 
     assert 'run again: ' in out
 
 
+def test_workers_know_the_tasks_that_the_run_has_imported(isolated, tmp_path):
+    (tmp_path / 'gate.py').write_text(pages.code_of('new_task.md'))
+    flags = (*_FLAGS, '--episodes=4', '--import=gate', '--task=push_through_gate')
+    for output_dir, more in (('ray', ('--ray=local',)), ('whole', ())):
+        _printed(isolated(_ROOT / 'explore.py', *flags, f'--output_dir={output_dir}', *more))
+    one, two = _arrays(tmp_path / 'ray'), _arrays(tmp_path / 'whole')
+    np.testing.assert_array_equal(one['observation'], two['observation'])
+
+
 def test_an_address_where_no_cluster_is_fails_at_once(isolated, tmp_path):
     folder = f'--output_dir={tmp_path / "none"}'
     _, errors = _printed(isolated(_ROOT / 'explore.py', '--ray=127.0.0.1:9', folder), 1)
@@ -182,7 +198,7 @@ def test_an_address_where_no_cluster_is_fails_at_once(isolated, tmp_path):
 
 
 @pytest.mark.parametrize('address', ['', 'here', 'ray://', 'host', 'host:port', 'a b:1'])
-def test_an_address_that_is_none_is_refused(address):
+def test_what_cannot_be_an_address_is_refused(address):
     with pytest.raises(ValueError, match='ray must be local, auto, HOST:PORT or ray://HOST:PORT'):
         ray_rollout.check_address(address)
 

@@ -10,15 +10,14 @@ import pathlib
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from fetch_composer import policies
+from fetch_composer import policies, user_modules
 from fetch_composer.batch import BatchEnvironment
-from fetch_composer.explorer.episodes import episode as rollout
-
-# A batch of one rounds its observations differently; from two on, all are equal to the bit.
-_FEWEST = 2
+from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.tasks import TaskOptions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,27 +27,35 @@ class EpisodeOptions:
     Attributes:
         task: Name of the task.
         policy: Name of the policy, its file, or its code; see `policies.load`.
-        convention: 'documented' or 'gymnasium_robotics'.
-        reward_type: 'sparse' or 'dense'.
-        max_episode_steps: Control steps of an episode.
+        task_options: Options of the task.
         trust_pickle: Whether code within a policy's file may run.
+        imports: Modules to import first, which register tasks of one's own.
+
+    Raises:
+        ValueError: if episodes would never end.
     """
 
     task: str
     policy: str
-    convention: str = 'documented'
-    reward_type: str = 'sparse'
-    max_episode_steps: int = 50
+    task_options: TaskOptions = TaskOptions()
     trust_pickle: bool = False
+    imports: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.task_options.max_episode_steps is None:
+            raise ValueError('max_episode_steps must be a positive integer: episodes must end.')
 
     @property
-    def task_kwargs(self) -> dict[str, str | int]:
+    def steps(self) -> int:
+        """Control steps of an episode."""
+        assert self.task_options.max_episode_steps is not None
+        return self.task_options.max_episode_steps
+
+    @property
+    def task_kwargs(self) -> dict[str, Any]:
         """The options of the task, as `fetch_composer.load` takes them."""
-        return {
-            'convention': self.convention,
-            'reward_type': self.reward_type,
-            'max_episode_steps': self.max_episode_steps,
-        }
+        options = self.task_options
+        return {each.name: getattr(options, each.name) for each in dataclasses.fields(options)}
 
 
 class PolicyError(RuntimeError):
@@ -60,7 +67,7 @@ def run_episodes(
     seeds: Sequence[int],
     num_envs: int = 64,
     num_threads: int | None = None,
-) -> list[rollout.Episode]:
+) -> list[Episode]:
     """Returns the episodes of some seeds, in their order.
 
     Args:
@@ -84,44 +91,48 @@ class BatchRollout:
     """Runs episodes, `num_envs` at a time, and can be used again for others."""
 
     def __init__(
-        self, options: EpisodeOptions, num_envs: int, num_threads: int | None = None
+        self,
+        options: EpisodeOptions,
+        num_envs: int,
+        num_threads: int | None = None,
+        make_policy: policies.PolicyFactory | None = None,
     ) -> None:
-        """Loads task and policy.
+        """Loads the task, and the policy unless it is given.
 
         Args:
             options: What to run.
             num_envs: How many episodes run at a time.
             num_threads: Threads that share them; by default one for each processor.
+            make_policy: What `tried_policy` has returned for these options.
 
         Raises:
             ValueError: if an option is not valid; the message says what would be.
             PolicyError: if the policy fails at once.
         """
-        if options.max_episode_steps is None:
-            raise ValueError('max_episode_steps must be a positive integer: episodes must end.')
+        user_modules.load_all(options.imports)
         self._options = options
         self._num_envs = num_envs
-        width = num_envs if num_envs < 1 else max(num_envs, _FEWEST)
         self._batch = BatchEnvironment(
-            options.task, width, num_threads, seed=0, **options.task_kwargs
+            options.task, num_envs, num_threads, seed=0, **options.task_kwargs
         )
+        self._make_policy = make_policy or self._tried_policy()
+
+    def _tried_policy(self) -> policies.PolicyFactory:
         context = policies.PolicyContext(
             self._batch.task_name,
             self._batch.options.convention,
             self._batch.single_action_spec(),
             self._batch.single_observation_spec(),
         )
-        self._policy = policies.factory(options.policy, context, options.trust_pickle)
-        first = next(_rows(self._batch.reset().observation))
-        try_policy(options.policy, self._policy, first, context)
+        return tried_policy(self._options, context, next(_rows(self._batch.reset().observation)))
 
     def run(
         self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
-    ) -> Iterator[list[rollout.Episode]]:
+    ) -> Iterator[list[Episode]]:
         """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
 
-        Each is the episode that `rollout.Rollout.run` returns for its seed, to within rounding,
-        and the same to the bit for any `num_envs`.
+        Each is what the policy does in `fetch_composer.load(task, seed=seed)`, to within
+        rounding, and the same to the bit for any `num_envs`.
 
         Args:
             seeds: A non-negative integer for each episode.
@@ -136,16 +147,16 @@ class BatchRollout:
         for start in range(0, len(seeds), self._num_envs):
             yield self._run(list(seeds[start : start + self._num_envs]), on_progress)
 
-    def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[rollout.Episode]:
+    def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[Episode]:
         count = len(seeds)
-        acting = [self._policy(seed) for seed in seeds]
+        acting = [self._make_policy(seed) for seed in seeds]
         for policy in acting:
             policy.reset()
         idle = self._batch.num_envs - count
         self._batch.seed([*seeds, *seeds[-1:] * idle])
         time_step = self._batch.reset()
         observations, actions, received, seconds = [time_step.observation], [], [], 0.0
-        for step in range(self._options.max_episode_steps):
+        for step in range(self._options.steps):
             rows = _rows(time_step.observation)
             with _failures_named(f'policy {self._options.policy}, step {step}'):
                 chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
@@ -164,7 +175,7 @@ class BatchRollout:
             'reward': np.stack(received),
         }
         return [
-            rollout.Episode(
+            Episode(
                 seed=seed,
                 **{name: np.ascontiguousarray(array[:, row]) for name, array in arrays.items()},
                 step_seconds=seconds / count,
@@ -183,25 +194,29 @@ class BatchRollout:
         self.close()
 
 
-def try_policy(
-    name: str,
-    make: policies.PolicyFactory,
-    observation: Mapping[str, np.ndarray],
+def tried_policy(
+    options: EpisodeOptions,
     context: policies.PolicyContext,
-) -> None:
-    """Lets a policy of its own act once, so that a mistake is named before the first step.
+    observation: Mapping[str, np.ndarray],
+) -> policies.PolicyFactory:
+    """Loads a policy and lets one of its own act once, so that mistakes show before the first step.
 
     Args:
-        name: Its name.
-        make: What makes it, as `policies.factory` returns it.
-        observation: An observation of the environment.
+        options: What names the policy.
         context: What is known of the environment.
+        observation: An observation of the environment.
+
+    Returns:
+        What makes the policy for each seed.
 
     Raises:
+        ValueError: if there is no such policy; the message says what is valid.
         PolicyError: if it fails, or its action does not fit.
     """
-    with _failures_named(f'policy {name}, before the first step'):
+    make = policies.factory(options.policy, context, options.trust_pickle)
+    with _failures_named(f'policy {options.policy}, before the first step'):
         policies.check_action(make(0), observation, context)
+    return make
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ import functools
 import logging
 import math
 import os
+import pickle
 import re
 import secrets
 import signal
@@ -22,10 +23,9 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
-from fetch_composer import batch, policies
-from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.results import recording, store
+from fetch_composer import batch, policies, user_modules
+from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes.episode import Episode
 
 LOCAL = 'local'
 
@@ -34,7 +34,7 @@ _ADDRESS = re.compile(r'(ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})')
 _Origins = dict[str, str | None]
 
 _MAX_RETRIES = 3
-_TASKS_PER_PROCESSOR = 4  # So that one that is late, or lost, holds up little.
+_TASKS_PER_PROCESSOR = 4  # Small tasks, so that one that is slow or lost costs little.
 _POLL_SECONDS = 0.2
 _MOST_WAITED_FOR = 1000  # Waiting takes longer the more results are waited for.
 _LOOPBACK = '127.0.0.1'
@@ -43,7 +43,7 @@ _LOCAL_STORE_BYTES = 256 * 2**20
 
 
 class RayError(RuntimeError):
-    """Ray cannot be reached or started, or has failed more often than is put up with."""
+    """Ray cannot be reached or started, or its workers keep dying."""
 
 
 def check_address(address: str) -> None:
@@ -53,7 +53,7 @@ def check_address(address: str) -> None:
 
 
 def _check_answers(address: str) -> None:
-    """Raises `RayError` if nothing listens there, which Ray takes a quarter of an hour to see."""
+    """Raises `RayError` if nothing listens there; Ray itself would try for a quarter of an hour."""
     match = _ADDRESS.fullmatch(address)
     if match is None:
         return
@@ -122,20 +122,28 @@ def cluster(address: str) -> Iterator[Callable[..., 'RayRollout']]:
 class RayRollout:
     """Runs episodes on the cluster that this process is connected to."""
 
-    def __init__(self, options: batch_rollout.EpisodeOptions, num_envs: int) -> None:
+    def __init__(
+        self,
+        options: batch_rollout.EpisodeOptions,
+        num_envs: int,
+        make_policy: policies.PolicyFactory | None = None,
+    ) -> None:
         """Initializes the rollout.
 
         Args:
             options: What to run.
             num_envs: How many episodes a task of Ray runs at most.
+            make_policy: Unused, since workers load the policy that the options name.
         """
+        del make_policy  # Unused.
+        user_modules.load_all(options.imports)
         self._options = options
         self._num_envs = num_envs
         self._task = ray.remote(num_cpus=1, max_retries=_MAX_RETRIES)(_run)
 
     def run(
         self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
-    ) -> Iterator[list[rollout.Episode]]:
+    ) -> Iterator[list[Episode]]:
         """Yields the episodes, some at a time, as they are finished: each once, in any order.
 
         They are those of `BatchRollout.run` to the bit, from processors of one kind.
@@ -153,7 +161,7 @@ class RayRollout:
         processors = int(ray.cluster_resources().get('CPU', 1)) or 1
         fair = math.ceil(len(seeds) / (processors * _TASKS_PER_PROCESSOR))
         size = max(1, min(self._num_envs, fair))
-        needed = _origins(self._options.policy)
+        needed = _origins(self._options.policy, self._options.imports)
         pending = [
             self._task.remote(self._options, list(seeds[start : start + size]), size, needed)
             for start in range(0, len(seeds), size)
@@ -181,7 +189,7 @@ class RayRollout:
         self.close()
 
 
-def _result(reference) -> list[rollout.Episode]:
+def _result(reference) -> list[Episode]:
     try:
         return ray.get(reference)
     except ray.exceptions.RayTaskError as error:
@@ -199,9 +207,10 @@ def _one_line(error: Exception) -> str:
 
 def _run(
     options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
-) -> list[rollout.Episode]:
-    batch_of_worker = _batch(options, num_envs)  # Loads the policy.
-    here = _origins(options.policy)
+) -> list[Episode]:
+    # Loads modules and policy, so that their origins are known.
+    batch_of_worker = _batch(pickle.dumps(options), num_envs)
+    here = _origins(options.policy, options.imports)
     differing = sorted(name for name in needed if here.get(name) != needed[name])
     if differing:
         raise RayError(
@@ -212,13 +221,19 @@ def _run(
 
 
 @functools.lru_cache(maxsize=1)
-def _batch(options: batch_rollout.EpisodeOptions, num_envs: int) -> batch_rollout.BatchRollout:
+def _batch(pickled_options: bytes, num_envs: int) -> batch_rollout.BatchRollout:
     """Returns a batch on one thread, which a worker process makes once."""
+    options = pickle.loads(pickled_options)
     return batch_rollout.BatchRollout(options, num_envs, num_threads=1)
 
 
 @functools.lru_cache(maxsize=1)
-def _origins(policy: str) -> _Origins:
+def _origins(policy: str, imports: tuple[str, ...] = ()) -> _Origins:
     """Returns versions and digests of what decides on episodes, in this process."""
-    versions = {name: each for name, each in recording.versions().items() if name != 'python'}
-    return {**versions, 'code': store.code_digest(), 'policy': policies.digest(policy)}
+    versions = {name: each for name, each in origins.versions().items() if name != 'python'}
+    return {
+        **versions,
+        'code': origins.code_digest(),
+        'policy': policies.digest(policy),
+        **{each: user_modules.digest(each) for each in imports},
+    }

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 
 _TOLERANCE = 1e-9  # m, rad; batch and single environment agree to within rounding.
 
@@ -13,7 +13,7 @@ class ReplayError(RuntimeError):
     """An episode that was played again did not end where it had ended."""
 
 
-def replay(env, episode: rollout.Episode, on_progress: Callable[[int], None] | None = None) -> None:
+def replay(env, episode: Episode, on_progress: Callable[[int], None] | None = None) -> None:
     """Plays an episode again, from its seed and with its actions.
 
     Args:

@@ -9,13 +9,13 @@ import matplotlib
 import numpy as np
 from matplotlib import collections, figure, ticker
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import style
 from fetch_composer.tasks import rewards
 
 WIDTH = 5.0  # inches
 _HEIGHT = 3.3
-_ALL = 30  # Of more episodes, lines are drawn as pixels, and actions as a band alone.
+_ALL = 30  # With more episodes, lines are drawn as pixels, and of actions only a band.
 _DPI = 200  # Of what is drawn as pixels.
 _BAND = (10, 90)  # Percentiles.
 _THRESHOLD_CM = 100 * rewards.DISTANCE_THRESHOLD
@@ -47,7 +47,7 @@ def svg(height: float = _HEIGHT) -> Iterator[tuple[figure.Figure, list[str]]]:
         result.append(text.getvalue())
 
 
-def lines(axes, paths: Sequence[np.ndarray], episodes: Sequence[rollout.Episode], **kwargs) -> None:
+def lines(axes, paths: Sequence[np.ndarray], episodes: Sequence[Episode], **kwargs) -> None:
     """Draws a line, (n, 2), for each episode, coloured by how it ended, failures on top."""
     alpha = float(np.clip(2.5 / np.sqrt(len(episodes)), 0.1, 0.7))
     for reached in (True, False):
@@ -65,7 +65,7 @@ def lines(axes, paths: Sequence[np.ndarray], episodes: Sequence[rollout.Episode]
 
 
 def distance_over_time(
-    episodes: Sequence[rollout.Episode], control_timestep: float, highest_cm: float
+    episodes: Sequence[Episode], control_timestep: float, highest_cm: float
 ) -> str:
     """Returns a plot of all distances to the goal, with their median and a band.
 
@@ -109,7 +109,7 @@ def distance_over_time(
     return result[0]
 
 
-def final_distances(episodes: Sequence[rollout.Episode], highest_cm: float) -> str:
+def final_distances(episodes: Sequence[Episode], highest_cm: float) -> str:
     """Returns a histogram of the distances to the goal at the last step.
 
     Args:
@@ -140,7 +140,7 @@ def final_distances(episodes: Sequence[rollout.Episode], highest_cm: float) -> s
     return result[0]
 
 
-def actions_over_time(episodes: Sequence[rollout.Episode], control_timestep: float) -> str:
+def actions_over_time(episodes: Sequence[Episode], control_timestep: float) -> str:
     """Returns a plot of the four components of the actions, with median and band.
 
     Args:
@@ -170,9 +170,7 @@ def actions_over_time(episodes: Sequence[rollout.Episode], control_timestep: flo
     return result[0]
 
 
-def paired_distances(
-    pairs: Sequence[tuple[rollout.Episode, rollout.Episode]], first: str, second: str
-) -> str:
+def paired_distances(pairs: Sequence[tuple[Episode, Episode]], first: str, second: str) -> str:
     """Returns a plot of final distances, a point for each seed, on logarithmic axes.
 
     Args:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import figure
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import style
-from fetch_composer.explorer.results import recording
 from fetch_composer.tasks import rewards
 
 _SIZE = (9, 7)  # inches
@@ -18,7 +18,7 @@ _CLEAR = {'facecolor': style.PAPER, 'edgecolor': 'none', 'alpha': 0.8}  # Text o
 
 def save_progress(
     path: pathlib.Path,
-    episodes: Sequence[rollout.Episode],
+    episodes: Sequence[Episode],
     title: str,
     control_timestep: float,
 ) -> None:
@@ -60,11 +60,11 @@ def save_progress(
     return_axes.set_ylabel('return so far', fontsize=11)
     return_axes.set_xlabel('time (s)', fontsize=11)
     return_axes.set_xlim(0, seconds[-1])
-    with recording.whole_file(path) as partial:
+    with files.whole_file(path) as partial:
         canvas.savefig(partial, facecolor=style.PAPER)
 
 
-def _draw(axes, seconds, values, episodes: Sequence[rollout.Episode]) -> None:
+def _draw(axes, seconds, values, episodes: Sequence[Episode]) -> None:
     """Draws a line for each episode, coloured by how it ended, and the median of all."""
     alpha = float(np.clip(2.5 / np.sqrt(len(episodes)), 0.12, 0.7))
     labelled = set()

@@ -1,4 +1,4 @@
-"""The table seen from above, with the ways of gripper and object."""
+"""The table seen from above, with the paths of gripper and object."""
 
 from collections.abc import Sequence
 
@@ -6,22 +6,20 @@ import numpy as np
 from matplotlib import lines as line_marks
 from matplotlib import patches
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import charts, style
 from fetch_composer.tasks import layout, rewards, scene
 
-_MARGIN = 0.05  # m around what is shown: the table, or an episode's ways ...
-_NARROWEST = 0.4  # ... of which no less is shown than this.
+_MARGIN = 0.05  # m around what is shown: the table, or an episode's paths ...
+_NARROWEST = 0.4  # ... but at least this much is shown.
 _GRIPPER = '#8a94a0'
 _GOAL = '#00795c'
 _TABLE = '#f1efe9'
-_GRIPPERS_OF = 12  # With more episodes than these, only the objects' ways are drawn.
+_GRIPPERS_OF = 12  # With more episodes than these, only the objects' paths are drawn.
 
 
-def top_view(
-    episodes: Sequence[rollout.Episode], workspace: scene.Workspace, has_object: bool
-) -> str:
-    """Returns an SVG of the ways in the plane of the table; x points away from the robot.
+def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object: bool) -> str:
+    """Returns an SVG of the paths in the plane of the table; x points away from the robot.
 
     Args:
         episodes: One or more episodes.
@@ -66,7 +64,7 @@ def top_view(
     return result[0]
 
 
-def _mark(axes, things, goals: np.ndarray, episodes: Sequence[rollout.Episode]) -> None:
+def _mark(axes, things, goals: np.ndarray, episodes: Sequence[Episode]) -> None:
     """Marks starts, ends and goals; with many episodes the starts are left out."""
     few = len(episodes) <= _GRIPPERS_OF
     reached = np.array([each.is_success for each in episodes])

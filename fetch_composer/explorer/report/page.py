@@ -1,10 +1,8 @@
 """The report of a run: one page of HTML that needs no other file and no network."""
 
 import base64
-import dataclasses
 import io
 import pathlib
-import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,33 +10,19 @@ import jinja2
 import numpy as np
 from PIL import Image
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer import flags
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.options import Options
 from fetch_composer.explorer.pictures import charts, style, top_view
 from fetch_composer.explorer.results import compare, statistics
 from fetch_composer.explorer.results.candidate import Candidate
-from fetch_composer.tasks import scene
+from fetch_composer.explorer.results.setting import Setting
 
 MOST_FILMS = 24  # Within the page; more of them stay beside it.
 FIRST_ROWS = 50  # Of the episodes, before one asks for more.
 MOST_ROWS = 1000
 _TEMPLATE = 'report.html.j2'
 _THUMBNAIL_QUALITY = 82
-
-
-@dataclasses.dataclass(frozen=True)
-class Setting:
-    """What a report has to know of the task.
-
-    Attributes:
-        workspace: Where the table is.
-        has_object: Whether the task has an object, whose place the achieved goal is.
-        control_timestep: Seconds from one control step to the next.
-    """
-
-    workspace: scene.Workspace
-    has_object: bool
-    control_timestep: float
 
 
 def render(
@@ -55,7 +39,7 @@ def render(
         options: What was asked for.
         candidates: The policies, with one finished episode or more each.
         comparisons: Of the first policy with each other.
-        setting: What has to be known of the task.
+        setting: What is to be said of the task.
         versions: Versions of what decides on an episode.
         stopped: Whether the run was stopped before its end.
     """
@@ -74,6 +58,7 @@ def render(
     return environment.get_template(_TEMPLATE).render(
         style=style,
         options=options,
+        setting=setting,
         seeds=(min(e.seed for e in episodes), max(e.seed for e in episodes)),
         candidates=[_figures(each) for each in candidates],
         comparisons=[_comparison(each, candidates) for each in comparisons],
@@ -86,23 +71,6 @@ def render(
         versions=versions,
         stopped=stopped,
     )
-
-
-def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
-    """Returns the command that runs one episode of a run again, filmed, in a folder of its own."""
-    flags = {
-        'task': options.task,
-        'seed': seed,
-        'episodes': 1,
-        'convention': options.convention,
-        'reward_type': options.reward_type,
-        'max_episode_steps': options.max_episode_steps,
-        'output_dir': options.folder / f'seed_{seed}',
-    }
-    words = [f'--policy={policy}' for policy in policies]
-    words += [f'--{name}={value}' for name, value in flags.items()]
-    words += ['--trust_pickle'] * options.trust_pickle
-    return shlex.join(['python', 'explore.py', *words])
 
 
 def _centimetres(metres: float) -> str:
@@ -163,7 +131,7 @@ def _plots(candidates: Sequence[Candidate], setting: Setting) -> list[dict[str, 
         },
         {
             'title': 'The table from above',
-            'note': 'Ways on the table, from start to end, of all episodes.',
+            'note': 'Paths on the table, from start to end, of all episodes.',
             'images': of_each(
                 lambda x: top_view.top_view(x, setting.workspace, setting.has_object)
             ),
@@ -201,7 +169,7 @@ def _film_card(
         'index': index,
         'seed': seed,
         'takes': takes,
-        'command': replay_command(options, policies, seed),
+        'command': flags.replay_command(options, policies, seed),
     }
 
 
@@ -209,11 +177,11 @@ def _rows(
     options: Options, candidates: Sequence[Candidate], shown: Sequence[int]
 ) -> list[dict[str, Any]]:
     """Returns a row for each seed, those with most failures and then the furthest ones first."""
-    by_seed: dict[int, list[rollout.Episode | None]] = {}
+    by_seed: dict[int, list[Episode | None]] = {}
     for column, candidate in enumerate(candidates):
         for episode in candidate.episodes:
             by_seed.setdefault(episode.seed, [None] * len(candidates))[column] = episode
-    rows = []
+    policies, rows = [each.policy for each in candidates], []
     for seed, results in by_seed.items():
         index = seed - options.seed
         done = [each for each in results if each is not None]
@@ -228,7 +196,7 @@ def _rows(
                     each.film_path(index) for each in candidates
                     if index in each.films and index not in shown
                 ],
-                'command': replay_command(options, [each.policy for each in candidates], seed),
+                'command': flags.replay_command(options, policies, seed),
             }
         )  # fmt: skip
     return sorted(rows, key=lambda row: (-row['failures'], -row['furthest'], row['seed']))

@@ -2,8 +2,9 @@
 
 import dataclasses
 
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.pictures import filming
+from fetch_composer import policies
+from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.pictures.film import Film
 
 
 @dataclasses.dataclass
@@ -12,8 +13,9 @@ class Candidate:
 
     Attributes:
         policy: Its name.
-        key: A name for it that is fit for a folder, and its alone in the run.
+        key: A name for its folder, which no other policy of the run has.
         is_alone: Whether it is the run's only one.
+        make_policy: Makes it for a seed; it has been seen to act.
         episodes: The finished episodes, by seed.
         films: Films by the index of their episode, those to look at first at the front.
     """
@@ -21,8 +23,9 @@ class Candidate:
     policy: str
     key: str
     is_alone: bool
-    episodes: list[rollout.Episode] = dataclasses.field(default_factory=list)
-    films: dict[int, filming.Film] = dataclasses.field(default_factory=dict)
+    make_policy: policies.PolicyFactory
+    episodes: list[Episode] = dataclasses.field(default_factory=list)
+    films: dict[int, Film] = dataclasses.field(default_factory=dict)
 
     def path(self, name: str) -> str:
         """Returns the path of one of its files within the run's folder."""

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fetch_composer.explorer.episodes import episode as rollout
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.results import statistics
+from fetch_composer.explorer.results.candidate import Candidate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,11 +46,20 @@ class Comparison:
         return figures
 
 
+def compare_all(candidates: Sequence[Candidate]) -> list[Comparison]:
+    """Returns the comparison of the first policy with each other that shares a seed with it."""
+    first, *others = candidates
+    compared = [
+        compare(first.policy, first.episodes, each.policy, each.episodes) for each in others
+    ]
+    return [each for each in compared if each is not None]
+
+
 def compare(
     first: str,
-    first_episodes: Sequence[rollout.Episode],
+    first_episodes: Sequence[Episode],
     second: str,
-    second_episodes: Sequence[rollout.Episode],
+    second_episodes: Sequence[Episode],
 ) -> Comparison | None:
     """Returns the comparison of two policies' episodes; None if they share no seed."""
     pairs = paired(first_episodes, second_episodes)
@@ -70,9 +80,7 @@ def compare(
     )
 
 
-def paired(
-    first: Sequence[rollout.Episode], second: Sequence[rollout.Episode]
-) -> list[tuple[rollout.Episode, rollout.Episode]]:
+def paired(first: Sequence[Episode], second: Sequence[Episode]) -> list[tuple[Episode, Episode]]:
     """Returns pairs of episodes of the same seed, in the order of the first."""
     of_seed = {each.seed: each for each in second}
     return [(each, of_seed[each.seed]) for each in first if each.seed in of_seed]

@@ -24,11 +24,12 @@ except ImportError as error:
     ) from error
 
 from fetch_composer import gymnasium_ids, tasks
-from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.results import recording
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes.episode import Episode
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
+_GIVEN = ('object_position', 'goal')
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
 
 
@@ -51,7 +52,7 @@ def check_name(name: str) -> None:
         ) from None
     try:
         path = get_dataset_path(name)
-        recording.prepare_folder(get_dataset_path())
+        files.prepare_folder(get_dataset_path())
     except OSError as error:
         raise ValueError(
             f'No dataset can be written: {error}. {_FOLDER_VARIABLE} says where to.'
@@ -64,7 +65,7 @@ def check_name(name: str) -> None:
 
 
 def save(
-    name: str, options: batch_rollout.EpisodeOptions, episodes: Sequence[rollout.Episode]
+    name: str, options: batch_rollout.EpisodeOptions, episodes: Sequence[Episode]
 ) -> pathlib.Path:
     """Writes episodes as a dataset, whole or not at all, and returns its folder.
 
@@ -78,8 +79,10 @@ def save(
         OSError: if it cannot be written.
     """
     check_name(name)
-    env_id = gymnasium_ids.env_id(options.task, options.convention, options.reward_type)
-    versions = recording.versions()
+    task_options = options.task_options
+    env_id = gymnasium_ids.env_id(options.task, task_options.convention, task_options.reward_type)
+    given = {name: getattr(task_options, name) for name in _GIVEN}
+    versions = origins.versions()
     folder = get_dataset_path(name)
     with (
         # Minari takes no notice of hidden folders, and finds its own by an environment variable.
@@ -90,7 +93,11 @@ def save(
         # Gymnasium takes -v2 for an old -v4; Minari is not told of an author.
         warnings.simplefilter('ignore')
         with contextlib.closing(
-            gymnasium.make(env_id, max_episode_steps=options.max_episode_steps)
+            gymnasium.make(
+                env_id,
+                max_episode_steps=task_options.max_episode_steps,
+                **{name: place for name, place in given.items() if place is not None},
+            )
         ) as environment:
             minari.create_dataset_from_buffers(
                 name,
@@ -123,7 +130,7 @@ def _datasets_in(folder: str) -> Iterator[None]:
             os.environ[_FOLDER_VARIABLE] = before
 
 
-def _buffer(index: int, episode: rollout.Episode) -> EpisodeBuffer:
+def _buffer(index: int, episode: Episode) -> EpisodeBuffer:
     steps = episode.steps
     goals = (episode.achieved_goal, episode.desired_goal)
     return EpisodeBuffer(

@@ -26,7 +26,7 @@ class Estimate:
 
 
 def success_rate(is_success: ArrayLike) -> Estimate:
-    """Returns the share of successes with its Wilson score interval, which is good for few too."""
+    """Returns the share of successes with its Wilson score interval, right for few episodes too."""
     successes = np.asarray(is_success, dtype=bool)
     low, high = _wilson(int(successes.sum()), successes.size)
     return Estimate(float(successes.mean()), low, high)
@@ -37,7 +37,7 @@ def _wilson(successes: int, count: int) -> tuple[float, float]:
     centre = rate + _Z**2 / (2 * count)
     half_width = _Z * np.sqrt(rate * (1 - rate) / count + (_Z / (2 * count)) ** 2)
     scale = 1 + _Z**2 / count
-    # At none and at all, rounding would leave an end just inside.
+    # If all fail, or all succeed, rounding would leave an end just inside.
     low = 0.0 if successes == 0 else (centre - half_width) / scale
     high = 1.0 if successes == count else (centre + half_width) / scale
     return float(low), float(high)

@@ -6,7 +6,6 @@ the run has finished, because then its results are in their places.
 
 import contextlib
 import dataclasses
-import hashlib
 import pathlib
 import shutil
 import zipfile
@@ -15,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-import fetch_composer
-from fetch_composer.explorer.episodes import episode as rollout
-from fetch_composer.explorer.results import recording
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes.episode import Episode
 
 try:
     import fcntl
@@ -51,7 +49,7 @@ class Store:
         self._path.mkdir(exist_ok=True)
         self._lock = _locked(self._path / _LOCK)
         try:
-            found = recording.load_json(self._path / _IDENTITY)
+            found = files.load_json(self._path / _IDENTITY)
             if fresh or not found or self.is_empty:
                 self._clear()
             elif found != identity:
@@ -63,7 +61,7 @@ class Store:
                     'continue it with its own command, choose another --output_dir, or discard '
                     'it with --fresh.'
                 )
-            recording.save_json(self._path / _IDENTITY, identity)
+            files.save_json(self._path / _IDENTITY, identity)
         except BaseException:
             self._lock.close()
             raise
@@ -72,20 +70,20 @@ class Store:
         """Returns a folder of the store, which need not be there yet."""
         return self._path.joinpath(*names)
 
-    def episodes(self, policy: str, seeds: Sequence[int]) -> list[rollout.Episode]:
-        """Returns the episodes that are kept of some seeds, in the order of those, each once."""
-        found: dict[int, rollout.Episode] = {}
+    def episodes(self, policy: str, seeds: Sequence[int]) -> list[Episode]:
+        """Returns the kept episodes of some seeds, each once, in the order of the seeds."""
+        found: dict[int, Episode] = {}
         for path in sorted(self.folder(policy).glob(_EPISODES.format(seed='*'))):
             for episode in _load(path):
                 found.setdefault(episode.seed, episode)
         return [found[seed] for seed in seeds if seed in found]
 
-    def add(self, policy: str, episodes: Sequence[rollout.Episode]) -> None:
+    def add(self, policy: str, episodes: Sequence[Episode]) -> None:
         """Keeps episodes of one policy, named as in `episodes`: all of them or none."""
         self.folder(policy).mkdir(exist_ok=True)
         path = self.folder(policy) / _EPISODES.format(seed=episodes[0].seed)
-        names = [field.name for field in dataclasses.fields(rollout.Episode)]
-        recording.save_arrays(
+        names = [field.name for field in dataclasses.fields(Episode)]
+        files.save_arrays(
             path, {name: np.stack([getattr(each, name) for each in episodes]) for name in names}
         )
 
@@ -134,8 +132,8 @@ def _locked(path: pathlib.Path):
     return file
 
 
-def _load(path: pathlib.Path) -> Iterator[rollout.Episode]:
-    """Yields the episodes in a file; none if it cannot be read, so that they run again."""
+def _load(path: pathlib.Path) -> Iterator[Episode]:
+    """Yields the episodes in a file; if it cannot be read, they are run again."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         with np.load(path) as file:
             arrays = dict(file)
@@ -143,15 +141,4 @@ def _load(path: pathlib.Path) -> Iterator[rollout.Episode]:
             values = {name: array[index] for name, array in arrays.items()}
             values['seed'] = int(values['seed'])
             values['step_seconds'] = float(values['step_seconds'])
-            yield rollout.Episode(**values)
-
-
-def code_digest() -> str:
-    """Returns a digest of this package's code and models, which decide on every episode."""
-    root = pathlib.Path(fetch_composer.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob('*')):
-        if path.suffix in ('.py', '.xml', '.json') and path.is_file():
-            digest.update(path.relative_to(root).as_posix().encode() + b'\0')
-            digest.update(path.read_bytes() + b'\0')
-    return digest.hexdigest()
+            yield Episode(**values)

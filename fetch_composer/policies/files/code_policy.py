@@ -5,15 +5,13 @@ A function takes an observation and returns an action. A class, or a function wi
 context is a `PolicyContext`: names and specs.
 """
 
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from fetch_composer import user_modules
 from fetch_composer.policies.protocol import PolicyContext
 
 _PARAMETERS = ('context', 'seed')
@@ -53,16 +51,7 @@ def factory(name: str, context: PolicyContext) -> Callable[[int | None], CodePol
         ValueError: if there is no such module or function; the message says which.
     """
     module_name, _, path = name.partition(':')
-    if os.getcwd() not in sys.path and '' not in sys.path:
-        sys.path.append(os.getcwd())
-    try:
-        found: Any = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        if error.name is None or not f'{module_name}.'.startswith(f'{error.name}.'):
-            raise  # Something that the module itself imports.
-        raise ValueError(
-            f'There is no module {module_name!r} in the working directory, and none is installed.'
-        ) from None
+    found: Any = user_modules.load(module_name)
     for part in path.split('.'):
         if not hasattr(found, part):
             public = [each for each in vars(found) if not each.startswith('_')]
@@ -83,9 +72,9 @@ def factory(name: str, context: PolicyContext) -> Callable[[int | None], CodePol
     return make
 
 
-def source(name: str) -> str | None:
-    """Returns the file of a module that has been imported; None if it has none."""
-    return getattr(sys.modules.get(name.partition(':')[0]), '__file__', None)
+def digest(name: str) -> str | None:
+    """Returns a digest of the module of code that has been loaded; None if it has no file."""
+    return user_modules.digest(name.partition(':')[0])
 
 
 def _parameters(function: Callable) -> tuple[str, ...]:

@@ -1,0 +1,111 @@
+"""Runs a policy on a Fetch task without a display and writes down what happened.
+
+Per run one page, report.html, and beside it films, a contact sheet, a plot of distance and return
+over time, the trajectories and a summary. A run that was stopped or killed is continued by the same
+command.
+"""
+
+import os
+import signal
+import sys
+import typing
+from collections.abc import Sequence
+
+from absl import flags as absl_flags
+from absl import logging
+
+from fetch_composer.explorer import gl
+
+if typing.TYPE_CHECKING:
+    from fetch_composer.explorer import run as run_lib
+    from fetch_composer.explorer.results import writing
+
+_SIGNALLED = 128  # Plus the signal's number: what a shell reports of a stopped process.
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs what the command line asks for, with the OpenGL backend that `gl.choose` has found.
+
+    Args:
+        arguments: What follows the program's name; by default of this process.
+
+    Returns:
+        The exit status.
+    """
+    logging.set_verbosity(logging.WARNING)
+    try:
+        return _explore(sys.argv[1:] if arguments is None else arguments, gl.chosen())
+    except KeyboardInterrupt:
+        print('\nInterrupted: no file was left half-written.', file=sys.stderr)
+        return _SIGNALLED + signal.SIGINT
+
+
+def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
+    try:
+        from fetch_composer.explorer import flags
+        from fetch_composer.explorer import run as run_lib
+    except ModuleNotFoundError as error:
+        return _fail(f"{error.name} is not installed: pip install 'fetch_composer[explore]'")
+
+    parser = flags.parser()
+    try:
+        _, *others = parser([_program(), *arguments])
+    except absl_flags.Error as error:
+        return _fail(str(error))
+    if parser['help'].value:
+        _, _, texts = parser.get_help(include_special_flags=False).partition(':\n')
+        print(f'{__doc__}\nUsage: {_program()} [flags]\n\n{texts}')
+        return 0
+    if others:
+        return _fail(f'unexpected argument {others[0]!r}; all options are flags, see --help.')
+
+    try:
+        options = flags.make_options(flags.option_values(parser))
+        run = run_lib.Run(options, gl_backend, fresh=bool(parser['fresh'].value))
+    except (ImportError, ValueError, RuntimeError) as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(f'Cannot write into --output_dir {options.folder}: {error.strerror}.')
+    try:
+        written = run.run()
+    except OSError as error:
+        return _fail(f'Writing into {options.folder} failed: {error}')
+    except (ValueError, RuntimeError) as error:
+        return _fail(str(error))
+    finally:
+        run.close()
+    _report(run, written)
+    return _SIGNALLED + run.stopped_by if run.stopped_by else 0
+
+
+def _report(run: 'run_lib.Run', written: Sequence['writing.Written']) -> None:
+    if run.continued:
+        print(f'Continued: {run.continued} episodes were there already.')
+    if run.stopped_by:
+        print(f'Stopped by {run.stopped_by.name} after {run.finished} episodes.')
+    if not run.finished:
+        print('No episode was finished; nothing was written.')
+        return
+    if run.stopped_by:
+        print('The same command continues.')
+    print('\n'.join(run.results))
+    print(f'Open, in {run.options.folder}:')
+    for each in written:
+        names = each.names[0] if len(each.names) == 1 else f'{each.names[0]} ... {each.names[-1]}'
+        print(f'  {names:<36} {each.content}')
+
+
+def _program() -> str:
+    name = os.path.basename(sys.argv[0])
+    return 'python -m fetch_composer.explorer' if name == '__main__.py' else name
+
+
+def _fail(message: str) -> int:
+    print(f'{_program()}: error: {message}', file=sys.stderr)
+    return 1
+
+
+if __name__ == '__main__':
+    if gl.choose():
+        gl.start_again()
+    sys.exit(main())

@@ -1,0 +1,74 @@
+"""Files that are written whole or not at all."""
+
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+
+@contextlib.contextmanager
+def whole_file(path: pathlib.Path) -> Iterator[pathlib.Path]:
+    """Gives a path to write to, which takes the place of `path` once all is written.
+
+    If writing fails or is interrupted, `path` stays what it was.
+    """
+    partial = path.with_name(f'.{path.stem}.{os.getpid()}.part{path.suffix}')
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def prepare_folder(folder: pathlib.Path) -> None:
+    """Makes a folder, unless it is there, and makes sure that files can be written into it.
+
+    Raises:
+        OSError: if they cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    probe = folder / f'.{os.getpid()}.part'
+    try:
+        probe.touch()
+    finally:
+        probe.unlink(missing_ok=True)
+
+
+def save_arrays(
+    path: pathlib.Path, arrays: Mapping[str, np.ndarray], compressed: bool = False
+) -> None:
+    """Writes arrays to an npz file; compress those that are kept."""
+    save = np.savez_compressed if compressed else np.savez
+    with whole_file(path) as partial:
+        save(partial, allow_pickle=False, **arrays)
+
+
+def copy(source: pathlib.Path, path: pathlib.Path) -> None:
+    """Copies a file."""
+    with whole_file(path) as partial:
+        shutil.copyfile(source, partial)
+
+
+def save_json(path: pathlib.Path, content: Mapping[str, Any]) -> None:
+    """Writes an indented JSON file."""
+    save_text(path, json.dumps(content, indent=2) + '\n')
+
+
+def save_text(path: pathlib.Path, text: str) -> None:
+    """Writes a text file."""
+    with whole_file(path) as partial:
+        partial.write_text(text, encoding='utf-8')
+
+
+def load_json(path: pathlib.Path) -> dict[str, Any]:
+    """Returns what is in a JSON file; an empty dictionary if it cannot be read."""
+    try:
+        content = json.loads(path.read_text(encoding='utf-8'))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}

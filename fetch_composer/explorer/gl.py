@@ -1,0 +1,91 @@
+"""Which OpenGL backend takes the pictures.
+
+dm_control reads MUJOCO_GL once, when it is imported, so that a backend has to be found before.
+This module imports nothing of the package: `explore.py` runs it by its path. In
+`python -m fetch_composer.explorer` the package comes first, and the process starts again.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from typing import NoReturn
+
+_VARIABLE = 'MUJOCO_GL'
+# Says to the process that starts again, and to it alone, that the backend has been found.
+_FOUND_VARIABLE = 'FETCH_COMPOSER_FOUND_GL'
+_BACKENDS = ('egl', 'osmesa', 'glfw')  # The last needs a display; macOS has no other.
+_DISABLED = 'disabled'
+_DISABLED_SYNONYMS = ('off', 'disable', 'disabled', 'false', '0')
+_PROBE = """
+from dm_control import mujoco
+physics = mujoco.Physics.from_xml_string('<mujoco/>')
+physics.render(16, 16)
+physics.free()
+"""
+_PROBE_SECONDS = 60
+_ADVICE = (
+    'For pictures, install one: `apt-get install libegl1 libgl1-mesa-dri` (EGL) or '
+    '`apt-get install libosmesa6` (OSMesa).'
+)
+
+
+def choose() -> bool:
+    """Sets MUJOCO_GL to a backend that works, or explains why none does and disables pictures.
+
+    Returns:
+        Whether the variable has changed, so that a process that has imported dm_control must
+        start again.
+    """
+    before = os.environ.get(_VARIABLE)
+    if before is not None and os.environ.get(_FOUND_VARIABLE) == before:
+        return False
+    found = _find() or _DISABLED
+    os.environ[_VARIABLE] = os.environ[_FOUND_VARIABLE] = found
+    return found != before
+
+
+def chosen() -> str | None:
+    """Returns the backend that `choose` has found, or None for no pictures; ask once."""
+    found = os.environ.pop(_FOUND_VARIABLE, _DISABLED)
+    return None if found == _DISABLED else found
+
+
+def start_again() -> NoReturn:
+    """Runs the command of this process anew, in its place and with its environment variables."""
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+
+
+def _find() -> str | None:
+    """Returns a backend to take pictures with, or None, which is explained, for none."""
+    wanted = os.environ.get(_VARIABLE) or None
+    if wanted in _DISABLED_SYNONYMS:
+        print(f'No pictures: {_VARIABLE}={wanted}.')
+        return None
+    candidates = _BACKENDS if wanted is None else (wanted,)
+    for backend in candidates:
+        if _draws(backend):
+            return backend
+    if wanted is None:
+        print(f'No pictures: no OpenGL backend works here (tried {", ".join(candidates)}).')
+    else:
+        print(f'No pictures: {_VARIABLE}={wanted} is set, and does not work here.')
+    print(_ADVICE)
+    return None
+
+
+def _draws(backend: str) -> bool:
+    """Returns whether a picture can be drawn; in another process, as MuJoCo chooses only once."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:  # For the log that MuJoCo leaves.
+            probe = subprocess.run(
+                [sys.executable, '-c', _PROBE],
+                env={**os.environ, _VARIABLE: backend},
+                cwd=folder,
+                capture_output=True,
+                timeout=_PROBE_SECONDS,
+            )
+    except subprocess.TimeoutExpired:
+        return False
+    return probe.returncode == 0

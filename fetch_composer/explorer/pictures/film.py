@@ -1,0 +1,167 @@
+"""Films of episodes: which to film, in what format, and the mp4 files, taken during a replay."""
+
+import contextlib
+import dataclasses
+import pathlib
+from collections.abc import Callable, Iterator, Sequence
+
+import imageio.v2 as imageio
+import numpy as np
+from PIL import Image
+
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes import replay
+from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.pictures import contact_sheet
+from fetch_composer.explorer.pictures.camera import Camera
+
+CHOICES = ('worst', 'best', 'first', 'all', 'none')
+
+# A film's colours are coded for two by two pixels at a time.
+_WIDTHS = (64, 3840)
+_HEIGHTS = (64, 2160)
+_FPS = (1, 120)
+_QUALITY = 8  # Of 10.
+
+
+def check_choice(choice: str) -> None:
+    """Raises `ValueError`, which lists the valid ones, if there is no such choice of films."""
+    if choice not in CHOICES:
+        raise ValueError(f'Unknown films {choice!r}; valid are {", ".join(CHOICES)}.')
+
+
+def choose(final_distances: Sequence[Sequence[float]], choice: str, count: int) -> list[int]:
+    """Returns the indices of the episodes to film, those to look at first at the front.
+
+    Args:
+        final_distances: For each policy, the distances to the goal at its episodes' ends, in m.
+            An episode is as bad as the policy that does worst in it.
+        choice: One of `CHOICES`.
+        count: How many to choose at most; 'all' ignores it.
+    """
+    badness = np.max(final_distances, axis=0)
+    if choice == 'none':
+        return []
+    if choice == 'all':
+        return list(range(len(badness)))
+    order = {
+        'worst': np.argsort(-badness, kind='stable'),
+        'best': np.argsort(badness, kind='stable'),
+        'first': np.arange(len(badness)),
+    }[choice]
+    return order[:count].tolist()
+
+
+def check_format(width: int, height: int, fps: int) -> None:
+    """Raises `ValueError`, which says what is valid, if no film has such a format.
+
+    Args:
+        width: Width in pixels.
+        height: Height in pixels.
+        fps: Frames per second.
+    """
+    for name, value, (least, most) in (('width', width, _WIDTHS), ('height', height, _HEIGHTS)):
+        if not least <= value <= most or value % 2:
+            raise ValueError(
+                f'{name} must be an even number of pixels from {least} to {most}, got {value}.'
+            )
+    if not _FPS[0] <= fps <= _FPS[1]:
+        raise ValueError(f'fps must be from {_FPS[0]} to {_FPS[1]} frames per second, got {fps}.')
+
+
+@contextlib.contextmanager
+def writer(path: pathlib.Path, fps: int) -> Iterator[Callable[[np.ndarray], None]]:
+    """Gives a function that adds a picture, (height, width, 3) uint8, to an mp4 file.
+
+    The file takes its place once all pictures are in; none is left if that does not happen.
+    """
+    with files.whole_file(path) as partial:
+        mp4 = imageio.get_writer(
+            partial,
+            format='FFMPEG',  # type: ignore[arg-type]
+            fps=fps,
+            codec='libx264',
+            quality=_QUALITY,
+            pixelformat='yuv420p',
+            macro_block_size=2,
+            ffmpeg_log_level='error',
+        )
+        # As a context manager of its own, imageio's would leave ffmpeg running on an exception.
+        with contextlib.closing(mp4):
+            yield mp4.append_data
+
+
+@dataclasses.dataclass(frozen=True)
+class Film:
+    """A film of an episode.
+
+    Attributes:
+        path: The mp4 file.
+        thumbnails: Pictures of equal size at `contact_sheet.shown_steps`.
+    """
+
+    path: pathlib.Path
+    thumbnails: Sequence[Image.Image]
+
+
+class Films:
+    """The films in a folder; an episode that has one is not filmed again."""
+
+    def __init__(self, folder: pathlib.Path, env, camera: Camera, fps: int) -> None:
+        """Initializes the films.
+
+        Args:
+            folder: Where films are kept; made with the first one.
+            env: A single environment of the options that the episodes were run with.
+            camera: What takes the pictures.
+            fps: Frames per second.
+        """
+        self._folder = folder
+        self._env = env
+        self._camera = camera
+        self._fps = fps
+
+    def kept(self, episode: Episode) -> Film | None:
+        """Returns the film of an episode if there is one."""
+        try:
+            with np.load(self._thumbnails(episode)) as file:
+                pictures = file['thumbnails']
+        except OSError:
+            return None
+        return Film(self._mp4(episode), [Image.fromarray(picture) for picture in pictures])
+
+    def take(self, episode: Episode, on_progress: Callable[[int], None]) -> Film:
+        """Films an episode while it is replayed.
+
+        Args:
+            episode: The episode.
+            on_progress: Called at each step, with the number of steps so far; if it raises, there
+                is no film.
+
+        Raises:
+            ReplayError: if the episode does not end as it did.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        shown, thumbnails = contact_sheet.shown_steps(episode.steps), []
+        path = self._mp4(episode)
+        with writer(path, self._fps) as add_picture:
+
+            def add(step: int) -> None:
+                on_progress(step)
+                picture = self._camera.picture()
+                add_picture(picture)
+                if step in shown:
+                    thumbnails.append(contact_sheet.thumbnail(picture))
+
+            replay.replay(self._env, episode, add)
+        # Last, so that a film with thumbnails is a whole one.
+        files.save_arrays(
+            self._thumbnails(episode), {'thumbnails': np.stack([np.asarray(t) for t in thumbnails])}
+        )
+        return Film(path, thumbnails)
+
+    def _mp4(self, episode: Episode) -> pathlib.Path:
+        return self._folder / f'seed_{episode.seed}.mp4'
+
+    def _thumbnails(self, episode: Episode) -> pathlib.Path:
+        return self._folder / f'seed_{episode.seed}.npz'

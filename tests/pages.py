@@ -1,0 +1,12 @@
+"""Code that stands in the documentation."""
+
+import pathlib
+import re
+
+_DOCS = pathlib.Path(__file__).parents[1] / 'docs'
+
+
+def code_of(page: str) -> str:
+    """Returns the one piece of Python in a page of the documentation."""
+    (code,) = re.findall(r'```python\n(.*?)```', (_DOCS / page).read_text(), re.DOTALL)
+    return code
