@@ -15,7 +15,7 @@ from PIL import Image  # noqa: E402
 import fetch_composer  # noqa: E402
 from fetch_composer.explorer import files  # noqa: E402
 from fetch_composer.explorer.episodes import batch_rollout, replay  # noqa: E402
-from fetch_composer.explorer.pictures import camera  # noqa: E402
+from fetch_composer.tasks import camera  # noqa: E402
 
 _FOLDER = pathlib.Path(__file__).parent
 # Episodes that start apart from their goals, and whose targets the camera sees.
@@ -35,7 +35,7 @@ def _frames(task: str) -> tuple[list[Image.Image], list[int]]:
     env = fetch_composer.load(task)
     env.task.visualize_reward = True
     width, height = (_OVERSAMPLING * each for each in _SIZE)
-    corner = camera.Camera(env, _CAMERA, width, height)
+    corner = camera.Camera(env.physics, _CAMERA, height, width)
     pictures: list[Image.Image] = []
     durations: list[int] = []
 

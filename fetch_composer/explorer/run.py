@@ -10,16 +10,16 @@ from typing import Any
 
 import tqdm
 
-import fetch_composer
-from fetch_composer import policies, user_modules
+from fetch_composer import policies, suite, user_modules
 from fetch_composer.explorer import files, flags, signals
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
-from fetch_composer.explorer.pictures import camera, film
+from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.report import page
 from fetch_composer.explorer.results import compare, store, summary, titles, writing
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
+from fetch_composer.tasks import camera
 
 __all__ = ('Options', 'Run')
 
@@ -46,7 +46,7 @@ class Run:
         self._gl_backend = gl_backend
         user_modules.load_all(options.imports)
         of_episodes = [options.of_episodes(policy) for policy in options.policy]
-        self._env = fetch_composer.load(options.task, **of_episodes[0].task_kwargs)
+        self._env = suite.load(suite.DOMAIN, options.task, of_episodes[0].task_kwargs)
         context = policies.PolicyContext.of(self._env)
         observation = self._env.reset().observation
         self.candidates = [
@@ -58,7 +58,13 @@ class Run:
             )
             for number, each in enumerate(of_episodes, start=1)
         ]
-        self._camera = camera.Camera(self._env, options.camera, options.width, options.height)
+        self._camera = camera.Camera(
+            self._env.physics,
+            options.camera,
+            options.height,
+            options.width,
+            options.supersampling,
+        )
         files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, self._identity(), fresh)
         self.stopped_by: signal.Signals | None = None
@@ -182,7 +188,7 @@ class Run:
 
     def _take_films(self, on_progress: Callable[[], None]) -> None:
         options, chosen = self.options, self._chosen()
-        look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}'
+        look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}_{options.supersampling}'
         with tqdm.tqdm(
             total=len(self.candidates) * len(chosen) * (options.steps + 1),
             unit='frame',

@@ -5,8 +5,6 @@ import importlib.metadata
 import pathlib
 import platform
 
-import fetch_composer
-
 _DISTRIBUTIONS = ('fetch_composer', 'dm-control', 'mujoco', 'numpy')
 
 
@@ -23,7 +21,7 @@ def versions() -> dict[str, str | None]:
 
 def code_digest() -> str:
     """Returns a digest of this package's code and models, which decide on every episode."""
-    root = pathlib.Path(fetch_composer.__file__).parent
+    root = pathlib.Path(__file__).parents[2]
     digest = hashlib.sha256()
     for path in sorted(root.rglob('*')):
         if path.suffix in ('.py', '.xml', '.json') and path.is_file():
