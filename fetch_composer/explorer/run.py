@@ -188,7 +188,9 @@ class Run:
 
     def _take_films(self, on_progress: Callable[[], None]) -> None:
         options, chosen = self.options, self._chosen()
-        look = f'{options.camera.replace("/", "_")}_{options.width}x{options.height}_{options.fps}_{options.supersampling}'
+        camera_name = options.camera.replace('/', '_')
+        size = f'{options.width}x{options.height}x{options.supersampling}'
+        look = f'{camera_name}_{size}_{options.fps}'
         with tqdm.tqdm(
             total=len(self.candidates) * len(chosen) * (options.steps + 1),
             unit='frame',

@@ -13,7 +13,7 @@ from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import replay
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import contact_sheet
-from fetch_composer.explorer.pictures.camera import Camera
+from fetch_composer.tasks.camera import Camera
 
 CHOICES = ('worst', 'best', 'first', 'all', 'none')
 
