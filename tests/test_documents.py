@@ -1,8 +1,11 @@
 """The documents: their code runs, their links lead somewhere, their tables name what there is."""
 
 import dataclasses
+import os
 import pathlib
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -217,3 +220,12 @@ def test_a_page_without_a_place_for_a_table_is_named_before_anything_is_measured
 def test_a_table_with_rows_missing_is_incomplete():
     assert not report.is_complete(_measured(skipped='envpool is not installed'))
     assert not report.is_complete({**_measured(), 'rows': _measured()['rows'][:3]})
+
+
+def test_the_table_of_flags_is_that_of_the_explorer():
+    command = [sys.executable, '-m', 'fetch_composer.explorer', '--help']
+    environment = {**os.environ, 'MUJOCO_GL': 'disabled', 'PYTHONPATH': str(_ROOT)}
+    run = subprocess.run(command, env=environment, capture_output=True, text=True)
+    flags = set(re.findall(r'^  --(?:\[no\])?(\w+):', run.stdout, re.MULTILINE)) - {'help'}
+    documented = [name for row in _table('explorer.md', '| flag |') for name in _names(row[0])]
+    assert sorted(documented) == sorted(f'--{name}' for name in flags)
