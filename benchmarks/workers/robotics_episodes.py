@@ -19,7 +19,7 @@ _NOISE = 0.3  # Standard deviation of what is added to seeking actions.
 _GRASP_DISTANCE = 0.03  # m
 
 
-class _IntegerEnums:
+class IntegerEnums:
     """The `mujoco` module with the enums that the peer compares read as integers.
 
     Since MuJoCo 3.12 an enum does not equal its number, and the peer's resets fail on that.
@@ -34,6 +34,12 @@ class _IntegerEnums:
 
     def __getattr__(self, name):
         return getattr(mujoco, name)
+
+
+def task_id(task: str) -> str:
+    """Returns the Gymnasium id of one of the peer's tasks."""
+    camel_case = ''.join(word.capitalize() for word in task.split('_'))
+    return f'Fetch{camel_case}-v4'
 
 
 def _uniform(rng, observation, has_fingers) -> np.ndarray:
@@ -60,10 +66,9 @@ _KINDS = {'uniform': _uniform, 'seeking': _seeking}
 
 def main() -> None:
     task, kind, first_seed, last_seed, output = sys.argv[1:]
-    mujoco_utils.mujoco = _IntegerEnums()
+    mujoco_utils.mujoco = IntegerEnums()
     gymnasium.register_envs(gymnasium_robotics)
-    camel_case = ''.join(word.capitalize() for word in task.split('_'))
-    env = gymnasium.make(f'Fetch{camel_case}-v4')
+    env = gymnasium.make(task_id(task))
     recorded: dict[str, list] = {'actions': [], 'gripper': [], 'achieved_goal': [], 'reward': []}
     seeds = range(int(first_seed), int(last_seed) + 1)
     for seed in seeds:

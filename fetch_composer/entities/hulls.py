@@ -69,6 +69,25 @@ def _shoulder_lift() -> np.ndarray:
     return np.concatenate((collar, _turned('y', housing, sides=30)))
 
 
+def _upperarm_roll() -> np.ndarray:
+    # Away from the housing, the barrel runs on in finer steps.
+    lip = np.concatenate((
+        _turned('x', ((-0.0015, 0.052),), sides=30),
+        _turned('x', ((0.00125, 0.052), (0.00513, 0.05149)), sides=60),
+    ))  # fmt: skip
+    bend = (0.133, 0.0, 0.0)
+    shell = np.concatenate((
+        _turned('y', ((0.0, 0.0515), (-0.0005, 0.052)), bend, sides=30),
+        _turned('y', ((-0.058, 0.052), (-0.05825, 0.05193)), bend),
+        _turned('y', ((-0.06313, 0.04973),), bend, sides=78),
+    ))  # fmt: skip
+    end = _turned('y', ((-0.06877, 0.0471), (-0.06968, 0.04644), (-0.0703, 0.0455),
+                        (-0.0705, 0.0444)), bend, sides=76)  # fmt: skip
+    barrel = _turned('x', ((-0.048, 0.052),), sides=38)
+    # The halves that face one another lie within.
+    return np.concatenate((barrel, lip[lip[:, 1] > -1e-9], shell[shell[:, 0] > 0.1272], end))
+
+
 def _elbow_flex() -> np.ndarray:
     collar = ((0.1106, 0.052), *_rim(0.166, 0.052, _COLLAR_RIM))
     housing = ((0.0015, 0.0517), (0.002, 0.052), *_rim(0.0705, 0.052, _HOUSING_RIM))
@@ -199,9 +218,62 @@ def _torso_lift() -> np.ndarray:
     return np.concatenate(points)
 
 
+def _around_y(radius: float, degrees: npt.ArrayLike, y, centre=(0.0, 0.0)) -> np.ndarray:
+    """Returns (n, 3) points at angles, from x to z, about a line parallel to the y axis."""
+    angle = np.radians(degrees)
+    x, z = centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)
+    return np.column_stack((x, np.broadcast_to(y, x.shape), z))
+
+
+def _head_pan() -> np.ndarray:
+    # The front is round about the axis on which the head tilts.
+    axis, radius = (0.1425, 0.058), 0.055
+    steps = np.arange(-90, 91, 7.5)
+    points = []
+    for y, inset in ((0.12821, 0.0), (0.13001, 0.00028), (0.13165, 0.0011)):
+        points += [_around_y(radius - inset, steps, side * y, axis) for side in (1, -1)]
+    # Within the front's width there is one more ring at each side, neither in step with the rest.
+    for side, first in ((1, -90.0), (-1, -94.526)):
+        ring = first + 15.8482 * np.arange(12)
+        slant = 0.109155 - 0.000758 * np.cos(np.radians(ring))
+        points.append(_around_y(radius, ring[np.abs(ring) < 85], side * slant[np.abs(ring) < 85], axis))
+    outlines = {
+        -0.003: ((0.0727, 0.0128), (0.0678, 0.0293), (0.0475, 0.0565), (0.017, 0.0718),
+                 (-0.017, 0.0718), (-0.0474, 0.0565), (-0.0678, 0.0292), (-0.0727, 0.0128)),
+        0.003: ((0.0126, 0.1282), (-0.0086, 0.1246), (-0.0348, 0.1111), (-0.0744, 0.0813),
+                (-0.0988, 0.0488), (-0.1098, 0.0096)),
+        0.03: ((0.1719, 0.142), (0.0067, 0.1421), (-0.0183, 0.1363), (-0.056, 0.1139),
+               (-0.0979, 0.077), (-0.1188, 0.0375), (-0.1239, 0.0128)),
+        0.058: ((0.1866, 0.1424), (0.0341, 0.1429), (-0.0055, 0.1403), (-0.0439, 0.122),
+                (-0.0898, 0.0859), (-0.1146, 0.0409), (-0.1193, 0.0013)),
+        0.09: ((0.1742, 0.141), (0.0237, 0.1418), (-0.0016, 0.1399), (-0.0235, 0.1294),
+               (-0.0371, 0.1118)),
+        0.113: ((0.0526, 0.1282),),
+    }  # fmt: skip
+    return np.concatenate((*points, *(_mirrored(z, half) for z, half in outlines.items())))
+
+
+def _head_tilt() -> np.ndarray:
+    # The barrel's ends slant; towards the face its rings are out of step.
+    steps = 11.7785 * np.arange(24)
+    rim = ((0.0, 0.054965), (0.00076, 0.05482), (0.00141, 0.05439), (0.00184, 0.05375), (0.002, 0.053))
+    points = []
+    for side, degrees in ((1, -steps), (-1, 3.6 - steps)):
+        degrees = np.append(degrees[(degrees < 0) & (degrees > -270)], 0.0)
+        for out, radius in rim:
+            bulge = 0.000035 * (1 - np.cos(np.radians(degrees)))
+            slant = 0.102999 - 0.000924 * np.cos(np.radians(degrees))
+            points.append(_around_y(radius + bulge, degrees, side * (slant + out)))
+    face = ((0.055, 0.037), (0.0487, 0.055), (0.0, 0.055))
+    points.append(np.array([(x, y, z) for x, z in face for y in (0.102, -0.102)]))
+    return np.concatenate(points)
+
+
 TRUNK = ('base_link', 'torso_fixed_link', 'torso_lift_link')
+HEAD = ('head_pan_link', 'head_tilt_link')
 ARM = (
     'shoulder_lift_link',
+    'upperarm_roll_link',
     'elbow_flex_link',
     'forearm_roll_link',
     'wrist_flex_link',
@@ -213,7 +285,10 @@ HULLS = {
     'base_link': _base(),
     'torso_fixed_link': _torso_fixed(),
     'torso_lift_link': _torso_lift(),
+    'head_pan_link': _head_pan(),
+    'head_tilt_link': _head_tilt(),
     'shoulder_lift_link': _shoulder_lift(),
+    'upperarm_roll_link': _upperarm_roll(),
     'elbow_flex_link': _elbow_flex(),
     'forearm_roll_link': _forearm_roll(),
     'wrist_flex_link': _wrist_flex(),
