@@ -1,10 +1,12 @@
 """Compares `gymnasium_robotics` with Gymnasium-Robotics itself, both live on the same seeds.
 
     make parity
-    python -m benchmarks.parity --peer PYTHON [--tasks push ...] [--seeds 3000 3099]
+    python -m benchmarks.parity --peer PYTHON [--tasks push ...] [--seeds 3000 3099] [--write PAGE]
 
-The peer runs in an interpreter of its own, on the same MuJoCo. An episode's error is the largest
-distance, over its 50 steps, between where the two simulators have the gripper, or the object.
+Gymnasium-Robotics runs in an interpreter of its own, on the same MuJoCo. An episode's error is the
+largest distance, over its 50 steps, between where the two simulators have the gripper, or the
+object. How near one can come is told by Gymnasium-Robotics against itself, with one joint of the
+arm started 1e-15 rad aside.
 """
 
 import argparse
@@ -30,10 +32,14 @@ _GOALS = {
     ('seeking', 'slide'): (0.5, 5e-2),
 }
 
-
 _HEADER = (
-    '| task, actions | | median | 75 % | 90 % | within 1e-5 m | goal | reached | rewards equal |'
+    '| task, actions | | median | 75 % | 90 % | within 1e-5 m | itself, nudged '
+    '| goal | reached | rewards equal |',
+    '|---|---|---|---|---|---|---|---|---|---|',
 )
+# What is between these lines of a page is replaced.
+_BEGIN = '<!-- parity table: made by make parity -->'
+_END = '<!-- end -->'
 
 
 def _record_peer(peer: str, task: str, kind: str, seeds: tuple[int, int]) -> dict:
@@ -52,11 +58,12 @@ def compare(task: str, peer_episodes: dict) -> dict[str, np.ndarray]:
     Args:
         task: Name of the task.
         peer_episodes: `seed` (E,), `actions` (E, T, 4), `gripper` and `achieved_goal`
-            (E, T + 1, 3) in m, `reward` (E, T).
+            (E, T + 1, 3) in m, the same with the prefix `nudged_`, and `reward` (E, T).
 
     Returns:
-        `gripper` and `achieved_goal`: (E,) largest distances in m; `reward`: (E, T) whether
-        rewards are equal.
+        `gripper` and `achieved_goal`: (E,) largest distances in m; `nudged_gripper` and
+        `nudged_achieved_goal`: the same between the peer and the peer nudged; `reward`: (E, T)
+        whether rewards are equal.
     """
     env = fetch_composer.load(task, convention='gymnasium_robotics')
     errors: dict[str, list] = {'gripper': [], 'achieved_goal': [], 'reward': []}
@@ -69,12 +76,18 @@ def compare(task: str, peer_episodes: dict) -> dict[str, np.ndarray]:
             'achieved_goal': [t.observation['achieved_goal'] for t in time_steps],
         }
         for name, places in ours.items():
-            offset = np.array(places) - peer_episodes[name][episode]
-            errors[name].append(np.linalg.norm(offset, axis=1).max())
+            errors[name].append(_error(np.array(places), peer_episodes[name][episode]))
         rewards = np.array([t.reward for t in time_steps[1:]])
         errors['reward'].append(rewards == peer_episodes['reward'][episode])
     env.close()
+    for name in ('gripper', 'achieved_goal'):
+        nudged = f'nudged_{name}'
+        errors[nudged] = list(map(_error, peer_episodes[nudged], peer_episodes[name]))
     return {name: np.array(values) for name, values in errors.items()}
+
+
+def _error(places: np.ndarray, others: np.ndarray) -> float:
+    return float(np.linalg.norm(places - others, axis=1).max())
 
 
 def _summary(errors: dict[str, np.ndarray], task: str, kind: str) -> dict:
@@ -86,10 +99,59 @@ def _summary(errors: dict[str, np.ndarray], task: str, kind: str) -> dict:
         summary[name] = {
             'quantiles': {str(q): float(np.quantile(errors[name], q)) for q in _QUANTILES},
             'share_within_1e-5': float((errors[name] <= _CLOSE).mean()),
+            'share_of_itself_within_1e-5': float((errors[f'nudged_{name}'] <= _CLOSE).mean()),
             'goal': {'quantile': for_gripper[0], 'metres': for_gripper[1]},
             'reached': bool(np.quantile(errors[name], for_gripper[0]) <= for_gripper[1]),
         }
     return summary
+
+
+def _rows(task: str, kind: str, summary: dict) -> list[str]:
+    rows = []
+    for name, what in (('gripper', 'gripper'), ('achieved_goal', 'object')):
+        if task == 'reach' and what == 'object':
+            continue
+        row, goal = summary[name], summary[name]['goal']
+        cells = (
+            f'{task}, {kind}',
+            what,
+            *(f'{q:.1e}' for q in row['quantiles'].values()),
+            f'{row["share_within_1e-5"]:.0%}',
+            f'{row["share_of_itself_within_1e-5"]:.0%}',
+            f'{goal["quantile"]:.0%} ≤ {goal["metres"]:.0e} m',
+            'yes' if row['reached'] else 'no',
+            f'{summary["rewards_equal"]:.2%}',
+        )
+        rows.append('| ' + ' | '.join(cells) + ' |')
+    return rows
+
+
+def split_at_table(page: str) -> tuple[str, str]:
+    """Returns what is before and after the table on a page, the markers included.
+
+    Raises:
+        ValueError: if the page has not exactly one place for it.
+    """
+    before, begin, rest = page.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end or _BEGIN in rest:
+        raise ValueError(f'The page needs one line {_BEGIN!r} and, below it, {_END!r}.')
+    return before + begin, end + after
+
+
+def _page(path: str) -> pathlib.Path:
+    page = pathlib.Path(path)
+    try:
+        split_at_table(page.read_text())
+    except (OSError, ValueError) as error:
+        raise argparse.ArgumentTypeError(f'{path}: {error}') from None
+    return page
+
+
+def write_table(page: pathlib.Path, lines: list[str]) -> None:
+    """Replaces the table on a page, which is between two comments, by other lines."""
+    before, after = split_at_table(page.read_text())
+    page.write_text('\n'.join((before, *lines, after)))
 
 
 def main() -> None:
@@ -97,30 +159,26 @@ def main() -> None:
     parser.add_argument('--peer', required=True, help="the peer's Python interpreter")
     parser.add_argument('--tasks', nargs='+', default=fetch_composer.ALL)
     parser.add_argument('--seeds', nargs=2, type=int, default=(3000, 3099))
+    parser.add_argument(
+        '--write', type=_page, metavar='PAGE', help=f'put the table on a page, below {_BEGIN}'
+    )
     arguments = parser.parse_args()
     results: dict = {'seeds': arguments.seeds, 'tasks': {}}
-    print(_HEADER)
-    print('|---|---|---|---|---|---|---|---|---|')
+    table = list(_HEADER)
+    print(*table, sep='\n', flush=True)
     for task in arguments.tasks:
         for kind in _KINDS:
             peer_episodes = _record_peer(arguments.peer, task, kind, arguments.seeds)
             summary = _summary(compare(task, peer_episodes), task, kind)
             results['tasks'].setdefault(task, {})[kind] = summary
-            for name, what in (('gripper', 'gripper'), ('achieved_goal', 'object')):
-                if task == 'reach' and what == 'object':
-                    continue
-                row, goal = summary[name], summary[name]['goal']
-                print(
-                    f'| {task}, {kind} | {what} | '
-                    + ' | '.join(f'{q:.1e}' for q in row['quantiles'].values())
-                    + f' | {row["share_within_1e-5"]:.0%} '
-                    f'| {goal["quantile"]:.0%} ≤ {goal["metres"]:.0e} m '
-                    f'| {"yes" if row["reached"] else "no"} | {summary["rewards_equal"]:.2%} |',
-                    flush=True,
-                )
+            rows = _rows(task, kind, summary)
+            print(*rows, sep='\n', flush=True)
+            table += rows
     _OUTPUT.parent.mkdir(parents=True, exist_ok=True)
     _OUTPUT.write_text(json.dumps(results, indent=2))
     print(f'Written to {_OUTPUT}.')
+    if arguments.write is not None:
+        write_table(arguments.write, table)
 
 
 if __name__ == '__main__':

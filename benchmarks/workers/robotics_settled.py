@@ -7,6 +7,7 @@ Run by the peer's interpreter, which has no fetch_composer:
 
 import importlib.metadata
 import json
+from typing import Any
 
 import gymnasium
 import gymnasium_robotics
@@ -26,7 +27,7 @@ _PREFIX = 'robot0:'
 
 
 def _state(task: str) -> tuple[list[str], dict]:
-    env = gymnasium.make(task_id(task)).unwrapped
+    env: Any = gymnasium.make(task_id(task)).unwrapped
     model, qpos, qvel = env.model, env.initial_qpos.copy(), env.initial_qvel
     joints = [model.joint(i) for i in range(model.njnt)]
     robot = [joint for joint in joints if joint.name.startswith(_PREFIX)]

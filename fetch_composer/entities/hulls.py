@@ -73,16 +73,16 @@ def _upperarm_roll() -> np.ndarray:
     # Away from the housing, the barrel runs on in finer steps.
     lip = np.concatenate((
         _turned('x', ((-0.0015, 0.052),), sides=30),
-        _turned('x', ((0.00125, 0.052), (0.00513, 0.05149)), sides=60),
+        _turned('x', ((0.001248, 0.052), (0.00513, 0.051489)), sides=60),
     ))  # fmt: skip
     bend = (0.133, 0.0, 0.0)
     shell = np.concatenate((
         _turned('y', ((0.0, 0.0515), (-0.0005, 0.052)), bend, sides=30),
-        _turned('y', ((-0.058, 0.052), (-0.05825, 0.05193)), bend),
-        _turned('y', ((-0.06313, 0.04973),), bend, sides=78),
+        _turned('y', ((-0.058, 0.052), (-0.05825, 0.051933)), bend),
+        _turned('y', ((-0.06313, 0.04971),), bend, sides=78),
     ))  # fmt: skip
-    end = _turned('y', ((-0.06877, 0.0471), (-0.06968, 0.04644), (-0.0703, 0.0455),
-                        (-0.0705, 0.0444)), bend, sides=76)  # fmt: skip
+    end = _turned('y', ((-0.068768, 0.047098), (-0.069682, 0.046438), (-0.070288, 0.045487),
+                        (-0.0705, 0.044379)), bend, sides=76)  # fmt: skip
     barrel = _turned('x', ((-0.048, 0.052),), sides=38)
     # The halves that face one another lie within.
     return np.concatenate((barrel, lip[lip[:, 1] > -1e-9], shell[shell[:, 0] > 0.1272], end))
@@ -230,13 +230,15 @@ def _head_pan() -> np.ndarray:
     axis, radius = (0.1425, 0.058), 0.055
     steps = np.arange(-90, 91, 7.5)
     points = []
-    for y, inset in ((0.12821, 0.0), (0.13001, 0.00028), (0.13165, 0.0011)):
+    for y, inset in ((0.128208, 0.0), (0.130012, 0.000278), (0.13165, 0.001085)):
         points += [_around_y(radius - inset, steps, side * y, axis) for side in (1, -1)]
     # Within the front's width there is one more ring at each side, neither in step with the rest.
     for side, first in ((1, -90.0), (-1, -94.526)):
         ring = first + 15.8482 * np.arange(12)
         slant = 0.109155 - 0.000758 * np.cos(np.radians(ring))
-        points.append(_around_y(radius, ring[np.abs(ring) < 85], side * slant[np.abs(ring) < 85], axis))
+        points.append(
+            _around_y(radius, ring[np.abs(ring) < 85], side * slant[np.abs(ring) < 85], axis)
+        )
     outlines = {
         -0.003: ((0.0727, 0.0128), (0.0678, 0.0293), (0.0475, 0.0565), (0.017, 0.0718),
                  (-0.017, 0.0718), (-0.0474, 0.0565), (-0.0678, 0.0292), (-0.0727, 0.0128)),
@@ -256,7 +258,13 @@ def _head_pan() -> np.ndarray:
 def _head_tilt() -> np.ndarray:
     # The barrel's ends slant; towards the face its rings are out of step.
     steps = 11.7785 * np.arange(24)
-    rim = ((0.0, 0.054965), (0.00076, 0.05482), (0.00141, 0.05439), (0.00184, 0.05375), (0.002, 0.053))
+    rim = (
+        (0.0, 0.054965),
+        (0.00076, 0.05482),
+        (0.00141, 0.05439),
+        (0.00184, 0.05375),
+        (0.002, 0.053),
+    )
     points = []
     for side, degrees in ((1, -steps), (-1, 3.6 - steps)):
         degrees = np.append(degrees[(degrees < 0) & (degrees > -270)], 0.0)
