@@ -122,10 +122,10 @@ def _arc(centre, radii, start: float, stop: float, steps: int) -> np.ndarray:
 
 
 def _palm() -> np.ndarray:
-    low_corner, low_radius = (0.0526, -0.0245), 0.0095
+    low_corner, low_radius = (0.0525514, -0.0245), 0.0095
     high_corner, high_radius = (0.0488, 0.0264), 0.0132
     ridge = 0.0008  # Height at which the palm is widest.
-    belly_depth, belly_radius, belly_angle = 0.03986, 0.1755, 7.26  # An arc below the wrist.
+    belly_depth, belly_radius, belly_angle = 0.0398584, 0.177, 7.194  # An arc below the wrist.
 
     def outline(inset: float) -> np.ndarray:
         insets = np.array((1.1 * inset, inset))
@@ -135,26 +135,36 @@ def _palm() -> np.ndarray:
             _arc(high_corner, high_radius - insets, 0, 90, 6),
         ))  # fmt: skip
 
-    # Towards the fingers: (x below, x above, inset of the outline).
-    nose = ((-0.04735, -0.04735, 0.0), (-0.04576, -0.04576, 0.0003), (-0.0353, -0.0355, 0.0049),
-            (-0.0341, -0.0343, 0.0056), (-0.0332, -0.0334, 0.007),
-            (-0.0329, -0.0331, 0.0084))  # fmt: skip
+    # Towards the fingers. Below: (x where lowest, radii of the corner, slope of x over z). Above:
+    # (x, inset of the outline).
+    nose_below = ((-0.0473512, (0.0095, 0.0095), 0.0036), (-0.045761, (0.00914, 0.009171), 0.0036),
+                  (-0.035301, (0.0043, 0.00464), 0.03), (-0.034065, (0.00353, 0.0038), 0.031),
+                  (-0.033223, (0.00226, 0.002566), 0.034),
+                  (-0.032893, (0.00078, 0.001109), 0.035))  # fmt: skip
+    nose_above = ((-0.04735, 0.0), (-0.04576, 0.0003), (-0.0355, 0.0049), (-0.0343, 0.0056),
+                  (-0.0334, 0.007), (-0.0331, 0.0084))  # fmt: skip
     # Towards the wrist: besides, the belly rises by so much.
-    heel = ((-0.1395, 0.0, 0.0), (-0.1488, 0.0044, 0.0002), (-0.1507, 0.0051, 0.0006),
+    heel = ((-0.1395091, 0.0, 0.0), (-0.1488, 0.0044, 0.0002), (-0.1507, 0.0051, 0.0006),
             (-0.1522, 0.0063, 0.002))  # fmt: skip
-    belly = _arc((0, belly_radius - belly_depth), belly_radius, -90, belly_angle - 90, 3)
+    belly_centre = (0, belly_radius - belly_depth)
+    belly = _arc(belly_centre, belly_radius, -90, belly_angle - 90, 3)
     crown = _arc((0, 0.0396 - 0.17), 0.17, 90, 90 - 6, 2)
     points = []
-    for x_below, x_above, inset in nose:
+    for x, radii, slope in nose_below:
+        half = _arc(low_corner, radii, -90, 0, 12)
+        corner = _mirrored(x, half, 'x')
+        corner[:, 0] += slope * (corner[:, 2] - corner[0, 2])
+        points.append(corner)
+    for x, inset in nose_above:
         half = outline(inset)
-        points.append(_mirrored(x_below, half[half[:, 1] <= ridge], 'x'))
-        points.append(_mirrored(x_above, half[half[:, 1] > ridge], 'x'))
+        points.append(_mirrored(x, half[half[:, 1] >= ridge], 'x'))
     for x, inset, rise in heel:
         points.append(_mirrored(x, outline(inset), 'x'))
         points.append(_mirrored(x, belly + (0, rise), 'x'))
         points.append(_mirrored(x, crown - (0, rise), 'x'))
     # The belly's rim is bevelled in its middle; both ends of the palm are slightly convex.
-    points.append(_mirrored(-0.13386, belly[:2] + (0, 0.00022), 'x'))
+    bevel = _arc(belly_centre, belly_radius - 0.000222, -90, belly_angle - 90, 3)
+    points.append(_mirrored(-0.1338601, bevel[:2], 'x'))
     points.append(_mirrored(-0.0320, ((0.0, 0.0008), (0.0545, 0.0008)), 'x'))
     points.append(_mirrored(-0.1540, ((0.054, -0.0008), (0.0542, 0.0008)), 'x'))
     return np.concatenate(points)
@@ -209,13 +219,13 @@ def _torso_lift() -> np.ndarray:
         0.577: ((-0.154, 0.07), (-0.127, 0.131), (-0.105, 0.144), (-0.019, 0.148)),
         0.603: ((-0.055, 0.035), (-0.028, 0.086), (0.056, 0.08), (0.13, 0.02), (0.132, 0.0)),
     }  # fmt: skip
-    # The two faces at the front that the shoulder meets: normal and distance from the frame.
-    faces = (((0.68252, 0.72867, 0.05666), 0.15042), ((0.68773, -0.72355, 0.05918), 0.15177))
-    corners = ((0.155, 0.3), (0.11, 0.603), (0.0, 0.495))  # x and z.
+    # The corners of the two faces at the front that the shoulder meets.
+    left = ((0.000339, 0.167973, 0.490486), (0.115184, 0.051653, 0.602999),
+            (0.153396, 0.039455, 0.29958))  # fmt: skip
+    right = ((-0.00073, -0.169346, 0.502487), (0.105566, -0.06009, 0.603),
+             (0.157209, -0.035822, 0.299581))  # fmt: skip
     points = [_mirrored(z, half) for z, half in outlines.items()]
-    for (nx, ny, nz), distance in faces:
-        points.append(np.array([(x, (distance - nx * x - nz * z) / ny, z) for x, z in corners]))
-    return np.concatenate(points)
+    return np.concatenate((*points, left, right))
 
 
 def _around_y(radius: float, degrees: npt.ArrayLike, y, centre=(0.0, 0.0)) -> np.ndarray:
