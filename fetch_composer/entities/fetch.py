@@ -33,16 +33,10 @@ _BASE_DAMPING = 1e11
 _TORSO_DAMPING = 1e7
 _BASE_ARMATURE = 1e-4  # kg
 _TORSO_ARMATURE = 1.0  # kg
-_FOOT_RADIUS = 0.001  # m
-# Where a base that can move stands on the floor: x, y and height in m in the base's frame. The
-# heights are those of the lowest points of Gymnasium-Robotics' base: the floor's push on it moves
-# the gripper.
-_FEET = (
-    (-0.2099, 0.1239, 8.18454348e-07),
-    (0.1661, 0.1239, 8.20438481e-07),
-    (0.1659, -0.1228, 8.23585132e-07),
-    (-0.2101, -0.1228, 8.21603911e-07),
-)
+# What a base that can move stands on. The floor's push on it moves the gripper, so that its height
+# is the mean of the four lowest points of Gymnasium-Robotics' base.
+_FOOT_HALF_SIZE = (0.188, 0.12335, 0.001)  # m
+_FOOT_POSITION = (-0.022, 0.00055, _FOOT_HALF_SIZE[2] + 8.21020468e-07)  # m, in the base's frame.
 _TORSO_RANGE = (0.0386, 0.3861)  # m
 
 _HEAD_PAN_RANGE = (-1.57, 1.57)  # rad
@@ -61,8 +55,14 @@ def _compensate_gravity(mjcf_model: mjcf.RootElement, from_body: str) -> None:
         body.gravcomp = 1
 
 
-def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trunk: bool) -> None:
-    """Replaces the primitives that links collide with by their convex hulls."""
+def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], kind: str) -> None:
+    """Replaces the primitives that links collide with by their convex hulls.
+
+    Args:
+        mjcf_model: The model.
+        names: The links.
+        kind: The default class of the hulls, which decides what they meet.
+    """
     for name in names:
         body = mjcf_model.find('body', name)
         for geom in body.find_all('geom', immediate_children_only=True):
@@ -71,7 +71,7 @@ def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trun
         body.add(
             'geom',
             name=name.replace('_link', '_hull'),
-            dclass=mjcf_model.find('default', 'trunk' if trunk else 'collision'),
+            dclass=mjcf_model.find('default', kind),
             type='mesh',
             mesh=mjcf_model.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel()),
         )
@@ -97,7 +97,7 @@ class FetchArm(base.RobotArm):
         Args:
             name: Name of the entity.
             damped_base: If false, base and torso are rigidly fixed. If true they slide on
-                joints of immense damping and the base stands on the floor on four feet, as
+                joints of immense damping and the base stands on the floor on a foot, as
                 Gymnasium-Robotics holds them.
             moving_head: If false, the head is rigidly fixed and looks down at the table. If true
                 it pans and tilts on damped joints, starts level, and the arm can touch it.
@@ -108,10 +108,11 @@ class FetchArm(base.RobotArm):
         self._mjcf_root = mjcf.from_path(_ARM_XML)
         self._mjcf_root.model = name
         if exact_hulls:
-            _collide_with_hulls(self._mjcf_root, hulls.TRUNK, trunk=True)
-            _collide_with_hulls(self._mjcf_root, hulls.ARM, trunk=False)
+            _collide_with_hulls(self._mjcf_root, hulls.TRUNK, 'trunk')
+            _collide_with_hulls(self._mjcf_root, hulls.ARM, 'collision')
             if moving_head:
-                _collide_with_hulls(self._mjcf_root, hulls.HEAD, trunk=True)
+                _collide_with_hulls(self._mjcf_root, hulls.HEAD, 'head')
+                _collide_with_hulls(self._mjcf_root, hulls.UPPER_ARM, 'upper_arm')
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
@@ -131,15 +132,14 @@ class FetchArm(base.RobotArm):
 
     def _add_base_joints(self) -> tuple[mjcf.Element, ...]:
         base_link = self._mjcf_root.find('body', 'base_link')
-        for i, (x, y, height) in enumerate(_FEET):
-            base_link.add(
-                'geom',
-                name=f'foot{i}',
-                dclass=self._mjcf_root.find('default', 'collision'),
-                type='sphere',
-                size=(_FOOT_RADIUS,),
-                pos=(x, y, height + _FOOT_RADIUS),
-            )
+        base_link.add(
+            'geom',
+            name='foot',
+            dclass=self._mjcf_root.find('default', 'collision'),
+            type='box',
+            size=_FOOT_HALF_SIZE,
+            pos=_FOOT_POSITION,
+        )
         sliders = tuple(
             base_link.add(
                 'joint',
@@ -248,7 +248,7 @@ class FetchGripper(base.RobotHand):
         self._mjcf_root = mjcf.from_path(_GRIPPER_XML)
         self._mjcf_root.model = name
         if exact_hulls:
-            _collide_with_hulls(self._mjcf_root, hulls.PALM, trunk=False)
+            _collide_with_hulls(self._mjcf_root, hulls.PALM, 'collision')
         self._joints: tuple[mjcf.Element, ...] = ()
         self._actuators: tuple[mjcf.Element, ...] = ()
         if finger_joints:

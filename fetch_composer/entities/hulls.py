@@ -289,9 +289,9 @@ def _head_tilt() -> np.ndarray:
 
 TRUNK = ('base_link', 'torso_fixed_link', 'torso_lift_link')
 HEAD = ('head_pan_link', 'head_tilt_link')
+UPPER_ARM = ('upperarm_roll_link',)
 ARM = (
     'shoulder_lift_link',
-    'upperarm_roll_link',
     'elbow_flex_link',
     'forearm_roll_link',
     'wrist_flex_link',
