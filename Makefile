@@ -10,18 +10,18 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore test test-only test-clients check bench parity build clean
+.PHONY: help explore test test-only test-clients check format gallery build bench parity clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 explore: $(VENV)/.explore gl  ## Film the expert at Push and say which files to open.
 	$(BIN)/python explore.py --task push --policy expert --episodes 4 --output_dir output/explore
 
 test: check test-only  ## Check the code and run the tests.
 
-test-only: $(VENV)/.test gl
+test-only: $(VENV)/.test gl  ## Run the tests.
 	$(BIN)/python -m pytest -n auto
 
 # Each client has an environment of its own, but the two that need torch, which takes 6 GB, share one.
@@ -39,7 +39,11 @@ check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-gallery: $(VENV)/.explore gl  ## Make the README's animations of the experts; a minute.
+format: $(VENV)/.test  ## Mend what the linter can mend, and format the code.
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+gallery: $(VENV)/.explore gl  ## Make the animations of the experts in docs; a minute.
 	$(BIN)/python docs/make_gallery.py
 
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
@@ -47,23 +51,23 @@ build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in 
 	$(BIN)/python -m build --outdir dist . >/dev/null
 	set -e; for package in dist/*.whl dist/*.tar.gz; do \
 	  rm -rf build/clean; $(PYTHON) -m venv build/clean; \
-	  build/clean/bin/pip install -q "$$package"; \
+	  build/clean/bin/pip install -q "$$package" $(LABMAZE); \
 	  (cd build && MUJOCO_GL=disabled clean/bin/python -c \
 	    "from fetch_composer import suite; print(suite.load('fetch', 'push').reset().observation['observation'])"); \
 	  echo "$$package works"; \
 	done
 
-bench: $(VENV)/.test peers  ## Measure speed, start-up and memory beside the peers; about ten minutes.
-	$(BIN)/python -m benchmarks $(PEERS) $(BENCH_OPTIONS)
+bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPool; about ten minutes.
+	$(BIN)/python -m benchmarks $(PEERS) --write docs/speed.md README.md $(BENCH_OPTIONS)
 
 parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajectories with Gymnasium-Robotics, live.
 	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python --write docs/conventions.md
 
 clean:  ## Remove everything that was made, the virtual environments included.
-	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info .pytest_cache .ruff_cache .mypy_cache
+	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache
 
-# dm_control requires labmaze, which has no wheel for Python 3.13 and which nothing here imports.
-LABMAZE := import setuptools\nsetuptools.setup(name="labmaze", version="1.0.6", py_modules=[])\n
+# On Python 3.13, for which labmaze has no wheel, an empty package stands in for it.
+LABMAZE = $(shell $(PYTHON) -c 'import sys; print("./stand_ins/labmaze" if sys.version_info >= (3, 13) else "")')
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
@@ -71,11 +75,7 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || $(APT_INSTALL) python3-venv || \
 	  { echo "venv is missing; run: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install -q --upgrade pip
-	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 13))'; then \
-	  mkdir -p $(VENV)/labmaze; printf '$(LABMAZE)' > $(VENV)/labmaze/setup.py; \
-	  $(BIN)/pip install -q $(VENV)/labmaze; \
-	fi
+	$(BIN)/pip install -q --upgrade pip $(LABMAZE)
 
 $(VENV)/.explore: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[explore]'
@@ -105,13 +105,12 @@ $(VENV)/.build: $(BIN)/python
 	$(BIN)/pip install -q build
 	@touch $@
 
-# Each peer lives in a virtual environment of its own. One that cannot be installed is skipped.
+# What the benchmarks compare with, each in a virtual environment of its own. What cannot be installed is skipped.
 PEER_NAMES := gymnasium_robotics envpool
 PEER_VENVS := $(PEER_NAMES:%=.venv-%)
 PEERS = $(foreach peer,$(PEER_NAMES),--$(peer)=.venv-$(peer)/bin/python)
 BENCH_OPTIONS ?=
 
-.PHONY: peers
 peers:
 	@for venv in $(PEER_VENVS); do \
 	  $(MAKE) --no-print-directory $$venv/.ready || { rm -rf $$venv; echo "SKIPPED: $$venv"; }; \
@@ -126,7 +125,6 @@ peers:
 	@touch $@
 
 # Pictures need EGL or OSMesa. Without permission to install one, everything else still works.
-.PHONY: gl
 gl:
 	@ldconfig -p | grep -qE 'libEGL\.so\.1|libOSMesa\.so' || \
 	  $(APT_INSTALL) libegl1 libgl1-mesa-dri || \

@@ -6,7 +6,7 @@ import setuptools
 
 _HERE = pathlib.Path(__file__).parent
 
-GYMNASIUM = ['gymnasium>=1.0']
+GYMNASIUM = ['gymnasium>=1.1']
 EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'scipy>=1.10', 'tqdm>=4.60']
 # Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.
 ACME = ['dm-acme==0.2.4']
@@ -37,7 +37,7 @@ setuptools.setup(
     },
     install_requires=[
         'absl-py>=2.0',
-        'dm-control>=1.0.50',
+        'dm-control>=1.0.50,<1.1',  # The native step reads Composer's private structure.
         'dm-env>=1.6',
         'mujoco>=3.17,<4',
         'numpy>=1.26',

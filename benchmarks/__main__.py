@@ -1,9 +1,10 @@
-"""Runs the benchmarks: `python -m benchmarks`, or `make bench` with the peers installed."""
+"""Runs the benchmarks: `python -m benchmarks`; `make bench` installs what they compare with."""
 
 import argparse
 import json
 import pathlib
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from benchmarks import meters, plot, report, results
@@ -11,6 +12,7 @@ from benchmarks import rows as row_lib
 
 _PAIRS, _WARM_UP = 30, 2
 _QUICK_PAIRS, _QUICK_WARM_UP = 3, 1
+_PLOT = 'num_envs.png'
 
 
 def _parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -19,6 +21,14 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('--pairs', type=int, default=_PAIRS, help='pairs of rounds in a row')
     parser.add_argument('--only', default='', help='one group of rows, growth or breakdown')
     parser.add_argument('--output_dir', type=pathlib.Path, default=pathlib.Path('build/bench'))
+    parser.add_argument(
+        '--write',
+        type=pathlib.Path,
+        nargs='+',
+        default=[],
+        metavar='PAGE',
+        help='pages whose tables and plot are replaced, if every row was measured',
+    )
     for peer in row_lib.PEERS:
         parser.add_argument(f'--{peer}', metavar='PYTHON', help=f'a Python that has {peer}')
     return parser.parse_args(arguments)
@@ -27,6 +37,8 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, and writes them and the plot."""
     options = _parse(arguments)
+    for page in options.write:
+        report.tables_of(page)  # A page without a place for them is named before minutes are spent.
     rows, breakdowns = row_lib.all_rows(), row_lib.breakdowns()
     growth_sides = row_lib.growth_sides()
     num_pairs, num_warm_up = options.pairs, _WARM_UP
@@ -52,6 +64,7 @@ def main(arguments: list[str] | None = None) -> None:
             for each in breakdowns
         ]
     _write(measured, options.output_dir)
+    _write_pages(measured, options.write)
 
 
 def _say(text: str) -> None:
@@ -67,9 +80,24 @@ def _write(measured: dict[str, Any], output_dir: pathlib.Path) -> None:
     written = [output_dir / 'results.json']
     written[0].write_text(json.dumps(measured, indent=2) + '\n', encoding='utf-8')
     if 'growth' in measured:
-        written.append(output_dir / 'num_envs.png')
+        written.append(output_dir / _PLOT)
         plot.save(measured, written[-1])
     print(f'\nWritten: {", ".join(map(str, written))}')
+
+
+def _write_pages(measured: dict[str, Any], pages: Sequence[pathlib.Path]) -> None:
+    """Replaces the tables of pages, and a plot beside them, if every row was measured."""
+    if not pages:
+        return
+    if not report.is_complete(measured):
+        print(f'Left as they were, for want of some rows: {", ".join(map(str, pages))}')
+        return
+    for page in pages:
+        report.write_page(measured, page)
+        picture = page.parent / _PLOT
+        if 'growth' in measured and picture.exists():
+            plot.save(measured, picture)
+        print(f'Written: {page}')
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Makes the README's gallery: an animation of each task's expert, docs/gallery_<task>.gif.
+"""Makes the gallery of docs/tasks.md: an animation of each task's expert, docs/gallery_<task>.gif.
 
 `python docs/make_gallery.py [task ...]`; `make gallery` makes all.
 """

@@ -1,9 +1,9 @@
 """The Fetch manipulation tasks as a dm_control Composer suite."""
 
+from fetch_composer import gymnasium_ids as _gymnasium_ids
 from fetch_composer import suite
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.environment import Environment
-from fetch_composer.interfaces import gymnasium_ids as _gymnasium_ids
 from fetch_composer.tasks import ALL, compute_reward
 
 __all__ = ('ALL', 'BatchEnvironment', 'Environment', 'compute_reward', 'load', 'suite')

@@ -5,15 +5,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import dm_env
-import mujoco
-import mujoco.batch
 import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import seeding, tasks
+from fetch_composer import simulations, tasks
 from fetch_composer.environment import Environment
-from fetch_composer.tasks import checks, drive, observation, rewards, starts
+from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 
 
 def num_processors() -> int:
@@ -76,21 +74,14 @@ class BatchEnvironment:
         task_made.scene.remove_looks(cameras=not task_made.variations.vary_looks)
         self._compiled = Environment(task_made, random_state=0)
         self._is_closed = False
-        self._starts, self._variations = task_made.starts, task_made.variations
-        self._substeps = task_made.physics_steps_per_control_step
-        model, addresses = self._compiled.physics.model.ptr, task_made.addresses
-        self._sims = sims = mujoco.batch.Batch(model, self._num_envs, nthread=self._num_threads)
-        self._varied = self._variations.fields(sims.expand, physical_only=True)
-        self._drive = drive.Drive(
-            sims.bind, addresses, task_made.convention, task_made.locked_gripper
-        )
-        self._observer = observation.BatchObserver(
-            model,
-            sims,
-            addresses,
-            task_made.control_timestep,
-            task_made.convention.object_minus_gripper,
-        )
+        self._starts = task_made.starts
+        self._simulations: simulations.Simulations
+        if self._num_envs == 1:
+            self._simulations = simulations.OneSimulation(self._compiled.physics, task_made)
+        else:
+            self._simulations = simulations.ManySimulations(
+                self._compiled.physics, task_made, self._num_envs, self._num_threads
+            )
         self.seed(seed)
         self._goals = np.zeros((self._num_envs, 3))
         self._steps_taken = np.zeros(self._num_envs, dtype=np.int64)
@@ -153,57 +144,31 @@ class BatchEnvironment:
             ValueError: if an id, a place or a seed is not valid; nothing has changed.
         """
         self._check_open()
-        ids = self._check_ids(ids)
+        ids = checks.ids(ids, self._num_envs)
         given = [
             self._starts.check(*each)
             for each in zip(
-                _each('object_position', object_position, len(ids), 2),
-                _each('goal', goal, len(ids), 3),
+                checks.places('object_position', object_position, len(ids), 2),
+                checks.places('goal', goal, len(ids), 3),
                 strict=True,
             )
         ]
         if seed is not None:
             self.seed(seed)
-        self._start_episodes(ids, given)
+        order = np.argsort(ids)  # MuJoCo wants them sorted.
+        self._start_episodes(ids[order], [given[i] for i in order])
         return self._time_step(np.zeros(self._num_envs, dtype=bool))
-
-    def _check_ids(self, ids) -> np.ndarray:
-        """Returns indices of environments; see `reset`."""
-        if ids is None:
-            return np.arange(self._num_envs)
-        array = np.asarray(ids)
-        if array.shape == (self._num_envs,) and array.dtype == bool:
-            return np.flatnonzero(array)
-        valid = array.ndim == 1 and (array.dtype.kind in 'iu' or not array.size)
-        if valid and array.size:
-            valid = array.min() >= 0 and array.max() < self._num_envs
-            valid = valid and len(np.unique(array)) == len(array)
-        if not valid:
-            raise ValueError(
-                f'ids must be distinct integers from 0 to {self._num_envs - 1}, or a mask of '
-                f'{self._num_envs} booleans; got {ids!r}.'
-            )
-        return array.astype(np.int64)
 
     def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
         drawn = [
             self._starts.draw(self._random_states[i], each)
             for i, each in zip(ids, given, strict=True)
         ]
-        states = [self._starts.state(start) for start in drawn]
-        if self._varied:
-            for i, start in zip(ids, drawn, strict=True):
-                self._variations.write(start.variations, self._varied, i)
-            if self._variations.need_set_const:
-                self._sims.set_const(ids)
-        self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        for i, state in zip(ids, states, strict=True):
-            self._drive.place(state, i)
-        self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
-        if len(ids):
+        self._simulations.start(ids, drawn)
+        if drawn:
             self._goals[ids] = [start.goal for start in drawn]
-        self._step_type[ids] = dm_env.StepType.FIRST
         self._steps_taken[ids] = 0
+        self._step_type[ids] = dm_env.StepType.FIRST
         self._reset_next_step[ids] = False
 
     def step(self, actions) -> dm_env.TimeStep:
@@ -234,32 +199,20 @@ class BatchEnvironment:
 
     def _advance(self, actions: np.ndarray, ids: np.ndarray | None) -> None:
         """Advances some environments; None for all, which needs no copies."""
+        diverged = self._simulations.advance(actions, ids)
         rows: Any = ... if ids is None else ids
-        self._drive.act(actions, rows)
-        stage = mujoco.mjtStage.mjSTAGE_NONE
-        if self._drive.observes_current_state:
-            stage = mujoco.mjtStage.mjSTAGE_POS
-        if self._drive.loose_fingers:
-            self._sims.step(ids, nstep=self._substeps)
-            self._drive.relock(rows)
-            self._sims.forward(ids, stage=stage)
-        else:
-            self._sims.step(ids, nstep=self._substeps, stage=stage)
         self._steps_taken[rows] += 1
         self._step_type[rows] = dm_env.StepType.MID
         limit = self._options.max_episode_steps
         if limit is not None:
             self._reset_next_step = self._steps_taken >= limit
             self._step_type[self._reset_next_step] = dm_env.StepType.LAST
-        warnings = self._sims.warning[..., 1]  # How often each kind was raised.
-        if warnings.any():
-            diverged = np.flatnonzero(warnings.any(axis=-1)).tolist()
-            warnings[:] = 0
-            raise control.PhysicsError(f'Physics diverged in environments {diverged}.')
+        if diverged.size:
+            raise control.PhysicsError(f'Physics diverged in environments {diverged.tolist()}.')
 
     def _time_step(self, advanced: np.ndarray) -> dm_env.TimeStep:
         """Returns a time step; environments that have not advanced get no reward."""
-        achieved_goal = self._observer.achieved_goal()
+        achieved_goal = self._simulations.achieved_goal()
         reward = rewards.compute_reward(achieved_goal, self._goals, self._options.reward_type)
         reward[~advanced] = 0
         return dm_env.TimeStep(
@@ -267,7 +220,7 @@ class BatchEnvironment:
             reward=reward,
             discount=np.ones(self._num_envs),
             observation={
-                'observation': self._observer.observation(),
+                'observation': self._simulations.observation(),
                 'achieved_goal': achieved_goal,
                 'desired_goal': self._goals.copy(),
             },
@@ -305,7 +258,7 @@ class BatchEnvironment:
         """Frees the simulations; closing twice does no harm, and nothing else works afterwards."""
         if not self._is_closed:
             self._compiled.close()
-            del self._sims, self._drive, self._observer, self._varied
+            del self._simulations
             self._is_closed = True
 
     def _check_open(self) -> None:
@@ -323,18 +276,3 @@ class BatchEnvironment:
 
     def __exit__(self, *unused_exception) -> None:
         self.close()
-
-
-def _each(name: str, places, count: int, size: int) -> list:
-    """Returns one place, or None, for each of `count` environments."""
-    if places is None:
-        return [None] * count
-    try:
-        array = np.asarray(places, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array(np.nan)
-    if array.shape not in ((size,), (count, size)):
-        raise ValueError(
-            f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {places!r}.'
-        )
-    return list(np.broadcast_to(array, (count, size)))

@@ -11,7 +11,8 @@ from dm_control.composer.observation import updater
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import seeding
+from fetch_composer.tasks import seeding
+from fetch_composer.tasks.observables import FreshObservable
 
 _WARNINGS = tuple(mujoco.mjtWarning.__members__)
 
@@ -115,14 +116,21 @@ class Environment(composer.Environment):
         time_step = super()._reset_attempt()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._observers = self._plain_observers()
+        self._warnings = self._data.warning.number  # Live, and zero after a reset.
+        self._no_warnings = bytes(self._warnings.nbytes)
+        self._look_for_hooks()
         return self._flattened(time_step)
 
     def _plain_observers(self):
-        """Returns pairs of name and callable; None if an observable lives within the step."""
+        """Returns (name, function, whether its array is to be copied) of what is observed.
+
+        None if an observable lives within the control step.
+        """
         enabled = self._observation_updater._enabled_structure
         if not self._strip_singleton_obs_buffer_dim or self._observation_updater._is_nested:
             return None
-        for each in enabled.values():
+        observers = []
+        for name, each in enabled.items():
             plain = (
                 each.update_interval == updater.DEFAULT_UPDATE_INTERVAL
                 and each.delay == updater.DEFAULT_DELAY
@@ -131,19 +139,34 @@ class Environment(composer.Environment):
             )
             if not plain:
                 return None
-        return [(name, each.observation_callable) for name, each in enabled.items()]
+            if isinstance(each.observable, FreshObservable) and each.observable.corruptor is None:
+                observers.append((name, each.observable.read, False))
+            else:
+                observers.append((name, each.observation_callable, True))
+        return observers
 
-    def _runs_within_step(self) -> bool:
-        """Returns whether a hook asks to be run between substeps."""
+    def add_extra_hook(self, hook_name, hook_callable) -> None:
+        """Adds a function to be called at every episode, step or substep; see Composer."""
+        super().add_extra_hook(hook_name, hook_callable)
+        self._look_for_hooks()
+
+    def _look_for_hooks(self) -> None:
+        """Finds out which hooks are there, so that no step has to."""
         hooks, task = self._hooks, type(self._task)
-        return bool(
-            hooks._before_substep.extra_hooks
-            or hooks._after_substep.extra_hooks
-            or hooks._before_substep.entity_hooks
-            or hooks._after_substep.entity_hooks
+
+        def is_there(*names: str) -> bool:
+            found = (getattr(hooks, f'_{name}') for name in names)
+            return any(each.extra_hooks or each.entity_hooks for each in found)
+
+        self._runs_within_step = (
+            is_there('before_substep', 'after_substep')
             or task.before_substep is not composer.Task.before_substep
             or task.after_substep is not composer.Task.after_substep
         )
+        # Hooks that nobody else is on are the task's own methods.
+        own = not is_there('before_step', 'after_step')
+        self._before_step = self._task.before_step if own else hooks.before_step
+        self._after_step = self._task.after_step if own else hooks.after_step
 
     def step(self, action) -> dm_env.TimeStep:
         """Advances one control step, or resets if the last step ended an episode.
@@ -156,21 +179,23 @@ class Environment(composer.Environment):
         """
         if self._reset_next_step:
             return self.reset()
-        if self._observers is None or self._runs_within_step():
+        if self._observers is None or self._runs_within_step:
             return self._flattened(super().step(action))
 
+        # The hot path: what Composer's loop does, with nothing in it that is not needed here.
         physics, task, random_state = self._physics_proxy, self._task, self._random_state
-        self._hooks.before_step(physics, action, random_state)
+        self._before_step(physics, action, random_state)
         diverged = self._advance()
-        self._hooks.after_step(physics, random_state)
+        self._after_step(physics, random_state)
         if diverged:
             reward, discount, last = 0.0, 0.0, True
         else:
             reward, discount = task.get_reward(physics), task.get_discount(physics)
             last = task.should_terminate_episode(physics) or self._data.time >= self._time_limit
         observation = collections.OrderedDict(
-            (name, np.array(observe())) for name, observe in self._observers
-        )
+            [(name, np.array(read()) if copied else read())
+             for name, read, copied in self._observers]
+        )  # fmt: skip
         self._reset_next_step = bool(last)
         step_type = dm_env.StepType.LAST if last else dm_env.StepType.MID
         time_step = dm_env.TimeStep(step_type, reward, discount, observation)
@@ -179,10 +204,9 @@ class Environment(composer.Environment):
     def _advance(self) -> bool:
         """Advances the physics by a control step; returns whether it has diverged."""
         mujoco.mj_step(self._model, self._data, self._n_sub_steps)
-        warnings = self._data.warning.number
-        if not warnings.any():
+        if self._warnings.tobytes() == self._no_warnings:
             return False
-        kinds = [name for name, count in zip(_WARNINGS, warnings, strict=False) if count]
+        kinds = [name for name, count in zip(_WARNINGS, self._warnings, strict=False) if count]
         message = f'Physics has diverged ({", ".join(kinds)}); reset the environment.'
         if self._raise_exception_on_physics_error:
             raise control.PhysicsError(message)

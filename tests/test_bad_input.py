@@ -88,10 +88,22 @@ def test_unknown_names_are_answered_with_the_valid_ones():
         suite.load('fetch', 'throw')
 
 
-@pytest.mark.parametrize('seed', [-1, 'zero'])
-def test_a_seed_that_is_none_is_refused(seed):
-    with pytest.raises((ValueError, TypeError)):
+@pytest.mark.parametrize('seed', [-1, 1.5, 'a', True, np.array([1, 2]), np.float64(1)])
+def test_seeds_that_make_no_sense_are_refused(seed):
+    with pytest.raises(ValueError, match='seed must be a non-negative integer'):
         fetch_composer.load('push', seed=seed)
+    with pytest.raises(ValueError, match='seed must be a non-negative integer|2 seeds|3 seeds'):
+        fetch_composer.BatchEnvironment('push', 3, seed=seed)
+
+
+@pytest.mark.parametrize('seed', [np.int32(4), np.uint64(4), np.array(4)])
+def test_seeds_of_numpy_are_taken(seed):
+    expected = fetch_composer.load('push', seed=4).reset()
+    episodes.assert_same([fetch_composer.load('push', seed=seed).reset()], [expected])
+    observation = fetch_composer.BatchEnvironment('push', 2, seed=seed).reset().observation
+    np.testing.assert_array_equal(
+        observation['desired_goal'][0], expected.observation['desired_goal']
+    )
 
 
 def test_an_object_cannot_start_within_a_gripper_that_starts_low():

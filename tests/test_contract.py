@@ -188,6 +188,22 @@ def test_locked_fingers_read_zero_after_every_step(locked_task_name, convention)
         assert np.abs(observation[_finger_columns(len(observation))[:2]]).max() < 1e-4
 
 
+def test_dense_rewards_have_no_bound_that_is_infinite(task_name):
+    env = fetch_composer.load(task_name, seed=0, reward_type='dense')
+    assert np.isfinite(env.reward_spec().generate_value())
+
+
+def test_fingers_of_a_locked_gripper_are_observed_closed(locked_task_name):
+    env = fetch_composer.load(locked_task_name, seed=0)
+    for name in ('finger_positions', 'finger_velocities'):
+        env.task.observables[f'fetch/gripper/{name}'].enabled = True
+    for time_step in episodes.run(env, episodes.uniform_actions(3)):
+        for name in ('finger_positions', 'finger_velocities'):
+            np.testing.assert_array_equal(
+                time_step.observation[f'fetch/gripper/{name}'], np.zeros(2)
+            )
+
+
 def _finger_columns(size: int) -> list[int]:
     displacement = 3 if size == 10 else 9
     return [displacement, displacement + 1, size - 2, size - 1]

@@ -1,14 +1,18 @@
 """The native control step against Composer's own loop, and Composer's features on top."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from dm_control import composer
 from dm_control.composer.observation import observable
 from dm_control.composer.variation import noises
 from dm_control.rl import control
+from dm_control.suite.wrappers import action_noise
 
 import fetch_composer
-from fetch_composer import tasks
+from fetch_composer import suite, tasks
 from tests import episodes
 
 
@@ -161,3 +165,108 @@ def test_reset_does_not_recompile(env):
     env.reset()
     assert env.physics.model.ptr is model
     assert isinstance(env, composer.Environment)
+
+
+def test_dm_controls_action_noise_wraps_it():
+    env = action_noise.Wrapper(fetch_composer.load('push', seed=0), scale=0.5)
+    noisy = episodes.run(env, np.zeros((5, 4), np.float32))
+    still = episodes.run(fetch_composer.load('push', seed=0), np.zeros((5, 4), np.float32))
+    moved = noisy[-1].observation['achieved_goal'] - still[-1].observation['achieved_goal']
+    gripper = noisy[-1].observation['observation'][:3] - still[-1].observation['observation'][:3]
+    assert np.abs(moved).max() < 1e-6 < np.abs(gripper).max()
+
+
+def test_flat_observations_are_the_dictionarys_in_its_order(task_name):
+    plain = fetch_composer.load(task_name, seed=0)
+    flat = suite.load('fetch', task_name, {'random': 0}, {'flat_observation': True})
+    stock = suite.load('fetch', task_name, {'random': 0}, {'flat_observation': True})
+    stock.add_extra_hook('before_substep', _nothing)
+    (spec,) = flat.observation_spec().values()
+    actions = episodes.uniform_actions(55)
+    expected = [np.concatenate([*t.observation.values()]) for t in episodes.run(plain, actions)]
+    for env in flat, stock:
+        for time_step, vector in zip(episodes.run(env, actions), expected, strict=True):
+            assert list(time_step.observation) == ['observations']
+            spec.validate(time_step.observation['observations'])
+            np.testing.assert_array_equal(time_step.observation['observations'], vector)
+
+
+def test_a_control_timestep_changes_how_long_a_step_is():
+    env = suite.load('fetch', 'push', {'random': 0}, {'control_timestep': 0.02})
+    assert env.control_timestep() == 0.02
+    time_steps = episodes.run(env, np.tile(np.float32([1, 0, 0, 0]), (4, 1)))
+    assert env.physics.time() == pytest.approx(0.08)
+    before, after = (t.observation['observation'] for t in time_steps[2:4])
+    # Velocities are still displacements per control step.
+    assert after[20] == pytest.approx(after[0] - before[0], rel=0.3)
+    with pytest.raises(ValueError, match='0.0015'):
+        suite.load('fetch', 'push', environment_kwargs={'control_timestep': 0.0015})
+
+
+def test_a_seed_among_the_environments_options_is_taken_and_two_are_refused():
+    one = fetch_composer.load('push', environment_kwargs={'random_state': 3})
+    episodes.assert_same([one.reset()], [fetch_composer.load('push', seed=3).reset()])
+    with pytest.raises(ValueError, match='seed is given twice'):
+        fetch_composer.load('push', seed=3, environment_kwargs={'random_state': 3})
+
+
+def test_a_seed_is_kept_where_every_episode_starts_alike():
+    kwargs = {'fixed_initial_state': True}
+    env = fetch_composer.load('push', seed=0, environment_kwargs=kwargs)
+    first = env.reset()
+    episodes.assert_same([env.reset()], [first])
+    env.seed(5)
+    expected = fetch_composer.load('push', seed=5).reset()
+    for _ in range(2):
+        episodes.assert_same([env.reset()], [expected])
+
+
+def test_a_state_set_from_outside_goes_on_as_it_was(task_name, convention):
+    """Such as dm_control's own planners do: a reset forgets where the mocap body pointed."""
+    actions = episodes.uniform_actions(30, seed=3)
+    kept, other = (fetch_composer.load(task_name, seed=2, convention=convention) for _ in range(2))
+    for env in kept, other:
+        episodes.run(env, actions[:20])
+    state = other.physics.get_state()
+    with other.physics.reset_context():
+        other.physics.set_state(state)
+    for action in actions[20:]:
+        one, another = kept.step(action), other.step(action)
+    np.testing.assert_allclose(
+        one.observation['observation'][:3], another.observation['observation'][:3], atol=2e-3
+    )
+
+
+def test_after_close_every_call_says_that_it_is_closed():
+    env = fetch_composer.load('push', seed=0)
+    env.reset()
+    env.close()
+    env.close()
+    for call in env.reset, lambda: env.step(np.zeros(4, np.float32)):
+        with pytest.raises(RuntimeError, match='closed'):
+            call()
+
+
+@pytest.mark.parametrize('copy_of', [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_copy_is_refused_with_what_to_do_instead(copy_of):
+    batch = fetch_composer.BatchEnvironment('push', 2)
+    for env, instead in ((fetch_composer.load('push'), 'load another'), (batch, 'make another')):
+        with pytest.raises(TypeError, match=instead):
+            copy_of(env)
+
+
+def test_a_failed_start_leaves_nothing_to_step():
+    env = fetch_composer.load('push', seed=0, max_episode_steps=None)
+    episodes.run(env, episodes.uniform_actions(3))
+    fails = [True]
+
+    def fail(physics, random_state):
+        if fails[0]:
+            raise composer.EpisodeInitializationError('no place')
+
+    env.add_extra_hook('initialize_episode', fail)
+    for call in env.reset, lambda: env.step(np.zeros(4, np.float32)):
+        with pytest.raises(composer.EpisodeInitializationError):
+            call()
+    fails[0] = False
+    assert env.step(np.zeros(4, np.float32)).first()

@@ -1,5 +1,6 @@
 """The Gymnasium face: spaces, seeds, options, rendering, vector forms."""
 
+import os
 import pickle
 import subprocess
 import sys
@@ -65,6 +66,7 @@ def test_episodes_are_truncated_and_never_terminated(env_id):
             *_, terminated, truncated, info = env.step(env.action_space.sample())
             assert not terminated
             assert truncated == (step == expected)
+            assert isinstance(info['is_success'], np.float32)
             assert info['is_success'] in (0.0, 1.0)
 
 
@@ -239,3 +241,106 @@ def test_a_window_without_a_display_is_refused_with_a_way_out():
         env={'PATH': '', 'MUJOCO_GL': 'disabled'},
     )
     assert 'rgb_array' in result.stdout
+
+
+_BROKEN_GYMNASIUM = """
+import fetch_composer
+print(fetch_composer.load('push', seed=0).reset().observation['desired_goal'].shape)
+"""
+
+
+def test_a_gymnasium_that_cannot_be_used_breaks_nothing_else(tmp_path):
+    (tmp_path / 'gymnasium.py').write_text("raise AttributeError('AutoresetMode')")
+    result = subprocess.run(
+        [sys.executable, '-c', _BROKEN_GYMNASIUM],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join((str(tmp_path), os.getcwd()))},
+        capture_output=True,
+        text=True,
+    )
+    assert result.stdout == '(3,)\n', result.stderr
+
+
+_MAKE_WITHOUT_IMPORT = """
+import gymnasium
+env = gymnasium.make('fetch_composer:fetch_composer/FetchPush-v4')
+print(env.reset(seed=0)[0]['observation'].shape)
+"""
+
+
+def test_an_id_with_its_module_needs_no_import():
+    command = [sys.executable, '-c', _MAKE_WITHOUT_IMPORT]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.stdout == '(25,)\n', result.stderr
+
+
+def test_code_written_against_gymnasium_robotics_finds_what_it_looks_for(env_id):
+    env = gym.make(env_id).unwrapped
+    observation, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(env.goal, observation['desired_goal'])
+    assert env.distance_threshold == 0.05
+    assert env.reward_type == ('dense' if 'Dense' in env_id else 'sparse')
+    assert env.dt == pytest.approx(0.04)
+    before = env.data.qpos.copy()
+    env.step(np.ones(4, np.float32))
+    assert env.model.nq == len(before) and np.abs(env.data.qpos - before).max() > 1e-4
+
+
+def test_made_by_hand_neither_form_truncates_unless_asked_to():
+    for limit, expected in ((None, False), (4, True)):
+        options = {} if limit is None else {'max_episode_steps': limit}
+        single = gymnasium_env.FetchEnv('push', **options)
+        vector = gymnasium_vector.FetchVectorEnv('push', 2, **options)
+        single.reset(seed=0)
+        vector.reset(seed=0)
+        steps = limit or 60
+        one = [single.step(np.zeros(4, np.float32))[3] for _ in range(steps)]
+        many = [vector.step(np.zeros((2, 4), np.float32))[3].all() for _ in range(steps)]
+        assert one == many == [False] * (steps - 1) + [expected]
+
+
+def test_some_of_a_vector_are_reset_and_the_others_go_on():
+    env = gym.make_vec('fetch_composer/FetchPush-v2', num_envs=3)
+    env.reset(seed=0)
+    for action in episodes.uniform_actions(3, batch_shape=(3,)):
+        before = env.step(action)[0]
+    mask = np.array([False, True, False])
+    after, _ = env.reset(options={'reset_mask': mask, 'goal': (1.3, 0.8, 0.425)})
+    for name in before:
+        np.testing.assert_array_equal(after[name][~mask], before[name][~mask])
+    np.testing.assert_array_equal(after['desired_goal'][1], (1.3, 0.8, 0.425))
+
+
+def test_after_close_every_call_says_that_it_is_closed():
+    single = gym.make('fetch_composer/FetchPush-v2').unwrapped
+    vector = gym.make_vec('fetch_composer/FetchPush-v2', num_envs=2)
+    for env, action in ((single, np.zeros(4)), (vector, np.zeros((2, 4)))):
+        env.reset(seed=0)
+        env.close()
+        env.close()
+        for call in env.reset, lambda env=env, action=action: env.step(action):
+            with pytest.raises(RuntimeError, match='closed'):
+                call()
+
+
+def test_a_window_shows_an_episode_in_real_time(monkeypatch):
+    """The clock is a stand-in, and so is the window: this machine may have none."""
+
+    class Window:
+        def sync(self):
+            pass
+
+        def close(self):
+            pass
+
+    env = gymnasium_env.FetchEnv('push')
+    env.reset(seed=0)
+    env.render_mode, env._viewer, env._viewer_threads = 'human', Window(), set()
+    clock = [100.0]
+    monkeypatch.setattr(gymnasium_env.time, 'perf_counter', lambda: clock[0])
+    monkeypatch.setattr(
+        gymnasium_env.time, 'sleep', lambda seconds: clock.__setitem__(0, clock[0] + seconds)
+    )
+    for _ in range(26):
+        env.step(np.zeros(4, np.float32))
+    assert clock[0] - 100 == pytest.approx(1.0)
+    env.close()

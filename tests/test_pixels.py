@@ -75,6 +75,15 @@ def test_gymnasium_gets_spaces_for_pictures():
     env_checker.check_env(env.unwrapped, skip_render_check=True)
 
 
+def test_pictures_may_be_as_large_as_one_asks():
+    pixels = {'cameras': 'front', 'height': np.int64(1000), 'width': 1400}
+    env = fetch_composer.load('reach', seed=0, observation_mode='pixels', pixels=pixels)
+    assert env.reset().observation['front_rgb'].shape == (1000, 1400, 3)
+    env = gym.make('fetch_composer/FetchReach-v2', render_mode='rgb_array', width=1300, height=1000)
+    env.reset(seed=0)
+    assert env.render().shape == (1000, 1300, 3)
+
+
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
@@ -82,6 +91,10 @@ def test_gymnasium_gets_spaces_for_pictures():
         ({'observation_mode': 'pixels', 'pixels': {'cameras': 'back'}}, 'valid are front, corner'),
         ({'pixels': {'size': 3}}, 'valid are cameras, height, width, depth, segmentation, shadows'),
         ({'pixels': {'height': 0}}, 'height of pixels must be a positive integer'),
+        ({'pixels': {'height': True}}, 'height of pixels must be a positive integer'),
+        ({'pixels': {'depth': 'no'}}, 'depth of pixels must be True or False'),
+        ({'pixels': {'cameras': 'back'}}, 'valid are front, corner'),
+        ({'pixels': True}, 'pixels must be a mapping'),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, message):

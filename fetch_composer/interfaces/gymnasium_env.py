@@ -11,10 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fetch_composer import seeding, suite
+from fetch_composer import suite
 from fetch_composer.interfaces import gymnasium_common
 from fetch_composer.interfaces.gymnasium_common import gymnasium
-from fetch_composer.tasks import checks, pixels, rewards
+from fetch_composer.tasks import camera, checks, rewards, seeding
 
 _RENDER_MODES = ('human', 'rgb_array', 'depth_array')
 
@@ -31,6 +31,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         width: int = 480,
         height: int = 480,
         camera_name: str = 'corner',
+        supersampling: int = 1,
         **task_kwargs,
     ) -> None:
         """Initializes the environment.
@@ -42,6 +43,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
             width: Width of images in pixels.
             height: Height of images in pixels.
             camera_name: A camera of the model, such as 'front' or 'fetch/head_camera'.
+            supersampling: A pixel is the mean of as many squared: 2 smooths edges.
             **task_kwargs: Options of the task; see `tasks.TaskOptions`. An episode is truncated
                 only if `max_episode_steps` is given here, or by `gym.make`.
 
@@ -49,7 +51,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
             ValueError: if an argument is not valid; the message lists what is.
         """
         gymnasium.utils.EzPickle.__init__(
-            self, task, render_mode, width, height, camera_name, **task_kwargs
+            self, task, render_mode, width, height, camera_name, supersampling, **task_kwargs
         )
         if render_mode is not None and render_mode not in _RENDER_MODES:
             raise ValueError(
@@ -63,21 +65,16 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
             self._env.action_spec(), self._env.observation_spec()
         )
         self.render_mode = render_mode
-        self._size = {
+        camera.check_name(self._env.physics, camera_name)
+        self._picture: dict[str, Any] = {
+            'name': camera_name,
             'height': checks.integer('height', height, 1),
             'width': checks.integer('width', width, 1),
+            'supersampling': checks.integer('supersampling', supersampling, 1),
         }
-        pixels.fit_framebuffer(self._env.physics.model, **self._size)
-        self._camera = self._checked_camera(camera_name)
+        self._camera: camera.Camera | None = None
         self._viewer: Any = None
         self._shown_at = 0.0
-
-    def _checked_camera(self, name: str) -> str:
-        model = self._env.physics.model
-        names = [model.id2name(i, 'camera') for i in range(model.ncam)]
-        if name not in names:
-            raise ValueError(f'Unknown camera_name {name!r}; valid are {", ".join(names)}.')
-        return name
 
     @property
     def dm_env(self):
@@ -176,8 +173,12 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
                 'render() needs a render_mode, such as gym.make(..., render_mode="rgb_array").'
             )
             return None
-        depth = self.render_mode == 'depth_array'
-        return self._env.physics.render(camera_id=self._camera, depth=depth, **self._size)
+        physics = self._env.physics
+        if self._camera is None or self._camera.physics is not physics:
+            self._camera = camera.Camera(physics, **self._picture)
+        if self.render_mode == 'depth_array':
+            return self._camera.depth()
+        return self._camera.picture()
 
     def _show(self) -> None:
         if self._viewer is None:

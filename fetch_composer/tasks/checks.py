@@ -60,3 +60,54 @@ def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.nda
             f'{lower.round(4).tolist()} and {upper.round(4).tolist()} m.'
         )
     return array
+
+
+def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | None]:
+    """Returns one place, or None, for each of `count` environments.
+
+    Args:
+        name: What they are, for the message.
+        values: (size,) one for all, (count, size) one for each, or None.
+        count: How many environments there are.
+        size: How many numbers a place has.
+
+    Raises:
+        ValueError: if they have another shape, or are not numbers.
+    """
+    if values is None:
+        return [None] * count
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.array(np.nan)
+    if array.shape not in ((size,), (count, size)):
+        raise ValueError(
+            f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {values!r}.'
+        )
+    return list(np.broadcast_to(array, (count, size)))
+
+
+def ids(value: Any, count: int) -> np.ndarray:
+    """Returns indices of environments, in order.
+
+    Args:
+        value: Distinct integers, a mask of shape (count,), or None for all.
+        count: How many environments there are.
+
+    Raises:
+        ValueError: if it is something else.
+    """
+    if value is None:
+        return np.arange(count)
+    array = np.asarray(value)
+    if array.shape == (count,) and array.dtype == bool:
+        return np.flatnonzero(array)
+    valid = array.ndim == 1 and (array.dtype.kind in 'iu' or not array.size)
+    if valid and array.size:
+        valid = array.min() >= 0 and array.max() < count and len(np.unique(array)) == len(array)
+    if not valid:
+        raise ValueError(
+            f'ids must be distinct integers from 0 to {count - 1}, or a mask of {count} '
+            f'booleans; got {value!r}.'
+        )
+    return array.astype(np.int64)

@@ -2,19 +2,18 @@
 
 import collections
 import functools
-import math
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from dm_control import composer
 from dm_control.composer import variation
-from dm_control.composer.observation import observable
 from dm_env import specs
 
 from fetch_composer import entities
 from fetch_composer.tasks import conventions, drive, observation, pixels, rewards, scene, starts
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.settled import SettledState
 from fetch_composer.tasks.variations import Variations
@@ -102,9 +101,9 @@ class GoalTask(composer.Task):
 
     def _build_task_observables(self):
         observables = collections.OrderedDict(
-            observation=observable.Generic(lambda _: self._observer.observation()),
-            achieved_goal=observable.Generic(lambda _: self._observer.achieved_goal()),
-            desired_goal=observable.Generic(lambda _: self._goal.copy()),
+            observation=FreshObservable(lambda: self._observer.observation()),
+            achieved_goal=FreshObservable(lambda: self._observer.achieved_goal()),
+            desired_goal=FreshObservable(lambda: self._goal.copy()),
         )
         for each in observables.values():
             each.enabled = True
@@ -172,7 +171,12 @@ class GoalTask(composer.Task):
         bind = functools.partial(getattr, data)
         self._drive = drive.Drive(bind, self.addresses, self.convention, self.locked_gripper)
         self._observer = observation.GoalObserver(
-            model, data, self.addresses, self.control_timestep, self.convention.object_minus_gripper
+            model,
+            data,
+            self.addresses,
+            self.control_timestep,
+            self.convention.object_minus_gripper,
+            current=self._drive.observes_current_state,
         )
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
@@ -210,10 +214,7 @@ class GoalTask(composer.Task):
         del physics, random_state  # Unused.
         self._drive.relock()
         if self._drive.observes_current_state:
-            # `mj_step` leaves positions and velocities one substep behind the state.
-            mujoco.mj_kinematics(self._model, self._data)
-            mujoco.mj_comPos(self._model, self._data)
-            mujoco.mj_comVel(self._model, self._data)
+            drive.refresh(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
         if self.visualize_reward:
             self._target_rgba[:] = entities.target_rgba(self.is_success())
@@ -243,7 +244,9 @@ class GoalTask(composer.Task):
 
     def _distance(self) -> float:
         """Returns the distance in m to the desired goal."""
-        return math.dist(self._observer.achieved_goal().tolist(), self._goal.tolist())
+        return rewards.distance_of_one(
+            self._observer.achieved_position.tolist(), self._goal.tolist()
+        )
 
     def should_terminate_episode(self, physics) -> bool:
         del physics  # Unused.

@@ -17,6 +17,7 @@ from fetch_composer.tasks.addresses import Addresses
 _SINGULAR_COSINE = 4 * np.finfo(np.float64).eps
 
 _AT_REST = (0.0, 0.0)
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 
 def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
@@ -26,7 +27,7 @@ def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
         xmat: (9,) floats, as MuJoCo's `site_xmat`.
     """
     m00, m01, m02, m10, m11, m12, _, _, m22 = xmat
-    cosine = math.hypot(m12, m22)
+    cosine = math.sqrt(m12 * m12 + m22 * m22)
     middle = math.atan2(m02, cosine)
     if cosine > _SINGULAR_COSINE:
         return math.atan2(-m12, m22), middle, math.atan2(-m01, m00)
@@ -43,16 +44,16 @@ def euler_xyz_batch(xmat: np.ndarray) -> np.ndarray:
         (n, 3) angles in rad.
     """
     m00, m01, m02, m10, m11, m12, _, _, m22 = xmat.T
-    cosine = np.hypot(m12, m22)
-    regular = cosine > _SINGULAR_COSINE
-    return np.stack(
-        (
-            np.where(regular, np.arctan2(-m12, m22), 0.0),
-            np.arctan2(m02, cosine),
-            np.where(regular, np.arctan2(-m01, m00), np.arctan2(m10, m11)),
-        ),
-        axis=-1,
-    )
+    cosine = np.sqrt(m12 * m12 + m22 * m22)
+    angles = np.empty((len(xmat), 3))
+    np.arctan2(-m12, m22, out=angles[:, 0])
+    np.arctan2(m02, cosine, out=angles[:, 1])
+    np.arctan2(-m01, m00, out=angles[:, 2])
+    singular = np.flatnonzero(cosine <= _SINGULAR_COSINE)
+    if singular.size:
+        angles[singular, 0] = 0.0
+        angles[singular, 2] = np.arctan2(m10[singular], m11[singular])
+    return angles
 
 
 class GoalObserver:
@@ -65,6 +66,7 @@ class GoalObserver:
         addresses: Addresses,
         control_timestep: float,
         object_minus_gripper: bool,
+        current: bool = True,
     ) -> None:
         """Initializes the observer.
 
@@ -75,6 +77,8 @@ class GoalObserver:
                 their displacements and velocities are observed as 0.
             control_timestep: Seconds by which velocities are multiplied.
             object_minus_gripper: Sense of the difference of positions.
+            current: Whether the velocities of bodies are up to date, as `mj_comVel` leaves them.
+                If not, they follow from the state's velocities and the joints' axes at hand.
         """
         grip_site, object_site = addresses.grip_site, addresses.object_site
         self._model = model
@@ -84,74 +88,114 @@ class GoalObserver:
         self._timestep = control_timestep
         self._sense = 1.0 if object_minus_gripper else -1.0
         self._grip_position = data.site_xpos[grip_site]
-        self._qvel = data.qvel
         self._fingers = data.qpos[addresses.finger_qpos]
         self._finger_velocities = data.qvel[addresses.finger_qvel]
-        # All Jacobians in one array, so that one product gives all velocities.
-        num_rows = 3 if object_site is None else 9
-        self._jacobian = np.zeros((num_rows, model.nv))
-        self._grip_jacobian = self._jacobian[:3]
+        self._velocity = self._velocity_of_body if current else self._velocity_by_axes
+        self._spatial = np.zeros(6)
+        sites = (grip_site,) if object_site is None else (grip_site, object_site)
+        self._movers = {site: _movers(model, site) for site in sites}
+        # Position of the object or, without one, of the gripper: (3,) in m, live.
+        self.achieved_position = self._grip_position
         if object_site is not None:
-            self._object_position = data.site_xpos[object_site]
+            self.achieved_position = data.site_xpos[object_site]
             self._object_xmat = data.site_xmat[object_site]
-            self._object_jacobians = (self._jacobian[3:6], self._jacobian[6:])
 
     def achieved_goal(self) -> np.ndarray:
         """Returns (3,) position in m of the object or, without one, of the gripper."""
-        if self._object_site is None:
-            return self._grip_position.copy()
-        return self._object_position.copy()
+        return self.achieved_position.copy()
 
     def observation(self) -> np.ndarray:
         """Returns (25,) or, without an object, (10,) float64, as `layout` has it."""
         # Plain floats: for so few numbers each operation on an array costs more than all of these.
-        model, data, sense = self._model, self._data, self._sense
-        mujoco.mj_jacSite(model, data, self._grip_jacobian, None, self._grip_site)
-        fingers, finger_velocities = self._observe_fingers()
-        gx, gy, gz = grip = self._grip_position.tolist()
+        sense, dt = self._sense, self._timestep
+        gx, gy, gz = self._grip_position.tolist()
+        _, _, _, vx, vy, vz = self._velocity(self._grip_site)
+        vx, vy, vz = vx * dt, vy * dt, vz * dt
+        fx, fy = fu, fv = _AT_REST
+        if self._fingers.size:
+            fx, fy = self._fingers.tolist()
+            fu, fv = self._finger_velocities.tolist()
+            fu, fv = fu * dt, fv * dt
         if self._object_site is None:
-            grip_velocity = (self._jacobian @ self._qvel * self._timestep).tolist()
-            return np.array((*grip, *fingers, *grip_velocity, *finger_velocities))
-        mujoco.mj_jacSite(model, data, *self._object_jacobians, self._object_site)
-        velocities = (self._jacobian @ self._qvel * self._timestep).tolist()
-        vx, vy, vz, ux, uy, uz, *spin = velocities
-        x, y, z = place = self._object_position.tolist()
+            return np.array((gx, gy, gz, fx, fy, vx, vy, vz, fu, fv))
+        x, y, z = self.achieved_position.tolist()
+        wx, wy, wz, ux, uy, uz = self._velocity(self._object_site)
         return np.array((
-            *grip, *place, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, *fingers,
-            *euler_xyz(self._object_xmat.tolist()), ux - vx, uy - vy, uz - vz, *spin,
-            vx, vy, vz, *finger_velocities,
+            gx, gy, gz, x, y, z, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, fx, fy,
+            *euler_xyz(self._object_xmat.tolist()),
+            ux * dt - vx, uy * dt - vy, uz * dt - vz, wx * dt, wy * dt, wz * dt,
+            vx, vy, vz, fu, fv,
         ))  # fmt: skip
 
-    def _observe_fingers(self):
-        """Returns displacements and velocities of the right and the left finger."""
-        if not self._fingers.size:
-            return _AT_REST, _AT_REST
-        return self._fingers.tolist(), (self._finger_velocities * self._timestep).tolist()
+    def _velocity_of_body(self, site: int) -> list[float]:
+        """Returns a site's angular velocity in rad/s and its linear velocity in m/s."""
+        mujoco.mj_objectVelocity(self._model, self._data, _SITE, site, self._spatial, 0)
+        return self._spatial.tolist()
+
+    def _velocity_by_axes(self, site: int) -> list[float]:
+        """Returns the same, in the arithmetic of `mj_comVel` and `mj_objectVelocity`."""
+        data = self._data
+        dofs, root = self._movers[site]
+        spatial = np.einsum('d,dk->k', data.qvel[dofs], data.cdof[dofs])
+        wx, wy, wz, ux, uy, uz = spatial.tolist()
+        x, y, z = (data.site_xpos[site] - data.subtree_com[root]).tolist()
+        return [wx, wy, wz, ux - (y * wz - z * wy), uy - (z * wx - x * wz), uz - (x * wy - y * wx)]
 
 
-class _SiteMotion:
-    """Velocities of a site in every simulation of a batch, from its body's degrees of freedom."""
+class _SiteMotions:
+    """Velocities of sites in every simulation of a batch, as `mj_objectVelocity` has them."""
 
-    def __init__(self, model: mujoco.MjModel, sims: mujoco.batch.Batch, site: int) -> None:
-        body = model.site_bodyid[site]
-        moving: list[int] = []
-        while body:
-            first, count = model.body_dofadr[body], model.body_dofnum[body]
-            moving = [*range(first, first + count), *moving]
-            body = model.body_parentid[body]
-        self._dofs = np.array(moving)
-        self._root = model.body_rootid[model.site_bodyid[site]]
-        self._site = site
-        self._cdof, self._qvel = sims.bind('cdof'), sims.bind('qvel')
-        self._site_xpos, self._centre = sims.bind('site_xpos'), sims.bind('subtree_com')
+    def __init__(
+        self, model: mujoco.MjModel, sims: mujoco.batch.Batch, sites: Sequence[int]
+    ) -> None:
+        """Looks up what moves each site.
+
+        Args:
+            model: The compiled model.
+            sims: The simulations.
+            sites: Ids of the sites.
+        """
+        self._sources = []
+        axes, qvel = sims.bind('cdof'), sims.bind('qvel')
+        positions, centres = sims.bind('site_xpos'), sims.bind('subtree_com')
+        for site in sites:
+            dofs, root = _movers(model, site)
+            # A slice needs no copy; joints of the head lie between those of torso and arm.
+            contiguous = np.ptp(dofs) == len(dofs) - 1
+            chosen = slice(dofs[0], dofs[-1] + 1) if contiguous else dofs
+            self._sources.append((axes, qvel, chosen, positions[:, site], centres[:, root]))
+        # Components first, so that each is contiguous.
+        shape = (len(sites), sims.nsim)
+        self._spatial = np.zeros((6, *shape))
+        self._arms = np.zeros((3, *shape))
+        self._linear = np.zeros((3, *shape))
 
     def velocities(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (n, 3) linear velocity in m/s and (n, 3) angular velocity in rad/s."""
-        qvel = self._qvel[:, np.newaxis, self._dofs]
-        spatial = (qvel @ self._cdof[:, self._dofs])[:, 0]
-        arm = self._site_xpos[:, self._site] - self._centre[:, self._root]
-        angular, at_centre = spatial[:, :3], spatial[:, 3:]
-        return at_centre + np.cross(angular, arm), angular
+        """Returns the sites' linear velocities in m/s and angular ones in rad/s, (3, sites, n).
+
+        They are buffers, which the next call writes to.
+        """
+        spatial, arms, linear = self._spatial, self._arms, self._linear
+        for i, (axes, qvel, dofs, position, centre) in enumerate(self._sources):
+            # In the order in which `mj_comVel` adds them up, and so to the same bits.
+            np.einsum('nd,ndk->kn', qvel[:, dofs], axes[:, dofs], out=spatial[:, i])
+            np.subtract(position.T, centre.T, out=arms[:, i])
+        for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            turned = arms[y] * spatial[z] - arms[z] * spatial[y]
+            np.subtract(spatial[3 + x], turned, out=linear[x])
+        return linear, spatial[:3]
+
+
+def _movers(model: mujoco.MjModel, site: int) -> tuple[np.ndarray, int]:
+    """Returns the degrees of freedom that move a site, from the world to it, and their root."""
+    moving: list[int] = []
+    body = model.site_bodyid[site]
+    root = model.body_rootid[body]
+    while body:
+        first, count = model.body_dofadr[body], model.body_dofnum[body]
+        moving = [*range(first, first + count), *moving]
+        body = model.body_parentid[body]
+    return np.array(moving), root
 
 
 class BatchObserver:
@@ -173,34 +217,34 @@ class BatchObserver:
         self._layout = layout.WITHOUT_OBJECT if object_site is None else layout.WITH_OBJECT
         self._fingers = sims.bind('qpos')[:, addresses.finger_qpos]
         self._finger_velocities = sims.bind('qvel')[:, addresses.finger_qvel]
-        self._grip_position = sims.bind('site_xpos')[:, grip_site]
-        self._grip_motion = _SiteMotion(model, sims, grip_site)
         self._has_object = object_site is not None
-        if object_site is not None:
-            self._object_position = sims.bind('site_xpos')[:, object_site]
-            self._object_xmat = sims.bind('site_xmat')[:, object_site]
-            self._object_motion = _SiteMotion(model, sims, object_site)
+        sites = [grip_site] if object_site is None else [grip_site, object_site]
+        self._motions = _SiteMotions(model, sims, sites)
+        self._grip_position = sims.bind('site_xpos')[:, grip_site]
+        self._achieved_position = sims.bind('site_xpos')[:, sites[-1]]
+        self._object_xmat = sims.bind('site_xmat')[:, sites[-1]]
 
     def achieved_goal(self) -> np.ndarray:
         """Returns (n, 3) positions in m of the objects or, without one, of the grippers."""
-        return (self._object_position if self._has_object else self._grip_position).copy()
+        return self._achieved_position.copy()
 
     def observation(self) -> np.ndarray:
         """Returns (n, 25) or, without an object, (n, 10) float64, as `layout` has it."""
-        at = self._layout
+        at, dt = self._layout, self._timestep
         out = np.zeros((self._num_sims, at.size))
-        grip_velocity, _ = self._grip_motion.velocities()
+        linear, angular = self._motions.velocities()
+        linear *= dt
         out[:, at.grip_position] = self._grip_position
-        out[:, at.grip_velocity] = grip_velocity * self._timestep
+        out[:, at.grip_velocity] = linear[:, 0].T
         if self._has_object:
-            velocity, angular_velocity = self._object_motion.velocities()
-            out[:, at.object_position] = self._object_position
-            relative = self._object_position - self._grip_position
-            out[:, at.relative_position] = relative * self._sense
+            out[:, at.object_position] = self._achieved_position
+            relative = out[:, at.relative_position]
+            np.subtract(self._achieved_position, self._grip_position, out=relative)
+            relative *= self._sense
             out[:, at.object_rotation] = euler_xyz_batch(self._object_xmat)
-            out[:, at.object_velocity] = (velocity - grip_velocity) * self._timestep
-            out[:, at.object_spin] = angular_velocity * self._timestep
+            np.subtract(linear[:, 1].T, linear[:, 0].T, out=out[:, at.object_velocity])
+            np.multiply(angular[:, 1].T, dt, out=out[:, at.object_spin])
         if self._fingers.size:
             out[:, at.fingers] = self._fingers
-            out[:, at.finger_velocities] = self._finger_velocities * self._timestep
+            np.multiply(self._finger_velocities, dt, out=out[:, at.finger_velocities])
         return out

@@ -2,13 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from dm_control import mjcf
 from dm_control.composer.observation import observable
 
-from fetch_composer.tasks import checks
+from fetch_composer.tasks import camera, checks
 
 OBSERVATION_MODES = ('features', 'pixels', 'features+pixels')
 
@@ -24,6 +23,7 @@ class PixelOptions:
         depth: Whether to observe distances, in m, beside colours.
         segmentation: Whether to observe which geom each pixel shows.
         shadows: Whether things cast shadows; without a GPU they take most of the time.
+        supersampling: A pixel is the mean of as many squared: 2 smooths edges.
     """
 
     cameras: tuple[str, ...] = ('corner',)
@@ -32,6 +32,7 @@ class PixelOptions:
     depth: bool = False
     segmentation: bool = False
     shadows: bool = False
+    supersampling: int = 1
 
 
 def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
@@ -56,7 +57,7 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
         pixels['cameras'] = (pixels['cameras'],)
     if 'cameras' in pixels:
         pixels['cameras'] = tuple(pixels['cameras'])
-    for name in ('height', 'width'):
+    for name in ('height', 'width', 'supersampling'):
         if name in pixels:
             pixels[name] = checks.positive_integer(f'The {name} of pixels', pixels[name])
     for name in ('depth', 'segmentation', 'shadows'):
@@ -65,25 +66,46 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
     return PixelOptions(**pixels)
 
 
-def fit_framebuffer(model: Any, width: int, height: int) -> None:
-    """Makes sure that pictures of that size can be drawn.
+class CameraObservable(observable.MJCFCamera):
+    """What a camera sees, taken with one `camera.Camera` for as long as its model lasts."""
 
-    MuJoCo draws into a buffer that is allocated with the first picture.
+    def __init__(self, element: mjcf.Element, chosen: PixelOptions, kind: str) -> None:
+        """Initializes the observable.
 
-    Args:
-        model: Anything with MuJoCo's `vis.global_` or, of MJCF, `visual`.
-        width: Width in pixels.
-        height: Height in pixels.
-    """
-    is_mjcf = hasattr(model, 'visual')
-    buffer = getattr(model.visual, 'global') if is_mjcf else model.vis.global_
-    buffer.offwidth = max(buffer.offwidth, width)
-    buffer.offheight = max(buffer.offheight, height)
+        Args:
+            element: The camera.
+            chosen: Size and looks.
+            kind: 'rgb', 'depth' or 'segmentation'.
+        """
+        super().__init__(
+            element,
+            height=chosen.height,
+            width=chosen.width,
+            depth=kind == 'depth',
+            segmentation=kind == 'segmentation',
+        )
+        self._supersampling = chosen.supersampling
+        self._shadows = chosen.shadows
+
+    def _callable(self, physics):
+        kept: list[camera.Camera] = []
+
+        def take() -> np.ndarray:
+            if not kept:  # Only now, since most observables are never asked.
+                name = self._mjcf_element.full_identifier
+                kept.append(
+                    camera.Camera(
+                        physics, name, self._height, self._width, self._supersampling, self._shadows
+                    )
+                )
+            if self._depth:
+                return kept[0].depth()[..., np.newaxis]
+            return kept[0].segmentation() if self._segmentation else kept[0].picture()
+
+        return take
 
 
-def observables(
-    mjcf_model: mjcf.RootElement, chosen: PixelOptions
-) -> dict[str, observable.MJCFCamera]:
+def observables(mjcf_model: mjcf.RootElement, chosen: PixelOptions) -> dict[str, CameraObservable]:
     """Returns the enabled observables `<camera>_rgb`, `<camera>_depth`, `<camera>_segmentation`.
 
     Their arrays are (height, width, 3) uint8, (height, width, 1) float32 in m, and
@@ -92,24 +114,19 @@ def observables(
     Raises:
         ValueError: if a camera is not in the model; the message lists those that are.
     """
-    fit_framebuffer(mjcf_model, chosen.width, chosen.height)
-    elements = {camera.full_identifier: camera for camera in mjcf_model.find_all('camera')}
+    factor = chosen.supersampling
+    camera.fit_framebuffer(
+        getattr(mjcf_model.visual, 'global'), factor * chosen.height, factor * chosen.width
+    )
+    elements = {each.full_identifier: each for each in mjcf_model.find_all('camera')}
+    kinds = ['rgb']
+    kinds += ['depth'] * chosen.depth + ['segmentation'] * chosen.segmentation
     made = {}
     for name in chosen.cameras:
         if name not in elements:
             raise ValueError(f'Unknown camera {name!r}; valid are {", ".join(elements)}.')
-        kinds: dict[str, dict] = {'rgb': {'render_flag_overrides': {'shadow': chosen.shadows}}}
-        if chosen.depth:
-            kinds['depth'] = {'depth': True}
-        if chosen.segmentation:
-            kinds['segmentation'] = {'segmentation': True}
-        for kind, arguments in kinds.items():
-            made[f'{name}_{kind}'] = observable.MJCFCamera(
-                elements[name],
-                height=chosen.height,
-                width=chosen.width,
-                **arguments,
-            )
+        for kind in kinds:
+            made[f'{name}_{kind}'] = CameraObservable(elements[name], chosen, kind)
     for each in made.values():
         each.enabled = True
     return made

@@ -1,5 +1,8 @@
 """Reward and success of a goal task: pure functions of goals, of any batch shape."""
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from fetch_composer.tasks import checks
@@ -11,8 +14,16 @@ DISTANCE_THRESHOLD = 0.05  # m
 
 def goal_distance(achieved_goal, desired_goal) -> np.ndarray:
     """Returns the Euclidean distance in m, shape (...,), of goals of shape (..., 3)."""
-    offset = np.subtract(achieved_goal, desired_goal)
-    return np.sqrt(np.einsum('...i,...i->...', offset, offset))
+    offset = np.subtract(achieved_goal, desired_goal, dtype=np.float64)
+    x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
+    return np.sqrt(x * x + y * y + z * z)  # In the order in which `distance_of_one` adds.
+
+
+def distance_of_one(achieved_goal: Sequence[float], desired_goal: Sequence[float]) -> float:
+    """Returns `goal_distance` of two goals that are three plain floats each, to the bit."""
+    (x, y, z), (u, v, w) = achieved_goal, desired_goal
+    x, y, z = x - u, y - v, z - w
+    return math.sqrt(x * x + y * y + z * z)
 
 
 def is_success(achieved_goal, desired_goal) -> np.ndarray:

@@ -7,6 +7,8 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 try:
     import gymnasium
     import h5py  # noqa: F401
@@ -21,10 +23,10 @@ except ImportError as error:
         f"--dataset needs {error.name}: pip install 'fetch_composer[minari]'."
     ) from error
 
+from fetch_composer import gymnasium_ids, tasks
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.episodes import episode as rollout
 from fetch_composer.explorer.results import recording
-from fetch_composer.interfaces import gymnasium_common, gymnasium_ids
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
@@ -135,5 +137,5 @@ def _buffer(index: int, episode: rollout.Episode) -> EpisodeBuffer:
         rewards=list(episode.reward),
         terminations=[False] * steps,
         truncations=[False] * (steps - 1) + [True],
-        infos={'is_success': gymnasium_common.success_info(*goals)},
+        infos={'is_success': tasks.is_success(*goals).astype(np.float32)},
     )

@@ -1,0 +1,171 @@
+"""The physics of a batch: many simulations on native threads, or a single one.
+
+Both start, advance and are observed alike; a single one does without what threads cost.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from dm_control import mjcf
+
+from fetch_composer import tasks
+from fetch_composer.tasks import drive, observation
+from fetch_composer.tasks.starts import Start
+
+
+class Simulations(Protocol):
+    """What a batch asks of its physics; arrays have a row for each simulation."""
+
+    def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
+        """Puts starts in place; `ids` are in order."""
+
+    def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
+        """Advances some by a control step; returns the ids of those that have diverged.
+
+        Args:
+            actions: (n, 4) clipped actions of those simulations.
+            ids: (n,) which ones, in order; None for all.
+        """
+
+    def achieved_goal(self) -> np.ndarray:
+        """Returns (n, 3) positions in m, new arrays."""
+
+    def observation(self) -> np.ndarray:
+        """Returns (n, 25) or (n, 10), new arrays, as `layout` has it."""
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+
+
+class ManySimulations:
+    """Simulations that share native threads."""
+
+    def __init__(
+        self, physics: mjcf.Physics, task: tasks.GoalTask, count: int, threads: int
+    ) -> None:
+        """Makes the simulations.
+
+        Args:
+            physics: Of an environment of the task, which stays alive.
+            task: The task, which says where episodes start and is not changed.
+            count: How many simulations.
+            threads: How many threads share them.
+        """
+        model = physics.model.ptr
+        self._sims = sims = mujoco.batch.Batch(model, count, nthread=threads)
+        self._starts, self._variations = task.starts, task.variations
+        self._varied = self._variations.fields(sims.expand, physical_only=True)
+        self._substeps = task.physics_steps_per_control_step
+        self._drive = drive.Drive(sims.bind, task.addresses, task.convention, task.locked_gripper)
+        self._observer = observation.BatchObserver(
+            model,
+            sims,
+            task.addresses,
+            task.control_timestep,
+            task.convention.object_minus_gripper,
+        )
+        current = self._drive.observes_current_state
+        stages = mujoco.mjtStage
+        self._stage = stages.mjSTAGE_POS if current else stages.mjSTAGE_NONE
+        self.achieved_goal = self._observer.achieved_goal
+        self.observation = self._observer.observation
+
+    def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
+        """Puts starts in place; `ids` are in order."""
+        states = [self._starts.state(start) for start in starts]
+        if self._varied:
+            for i, start in zip(ids, starts, strict=True):
+                self._variations.write(start.variations, self._varied, i)
+            if self._variations.need_set_const:
+                self._sims.set_const(ids)
+        self._sims.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        for i, state in zip(ids, states, strict=True):
+            self._drive.place(state, i)
+        self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
+        """Advances some by a control step; returns the ids of those that have diverged."""
+        rows: Any = ... if ids is None else ids
+        self._drive.act(actions, rows)
+        if self._drive.loose_fingers:
+            self._sims.step(ids, nstep=self._substeps)
+            self._drive.relock(rows)
+            self._sims.forward(ids, stage=self._stage)
+        else:
+            self._sims.step(ids, nstep=self._substeps, stage=self._stage)
+        warnings = self._sims.warning[..., 1]  # How often each kind was raised.
+        if not warnings.any():
+            return _NONE
+        diverged = np.flatnonzero(warnings.any(axis=-1))
+        warnings[:] = 0
+        return diverged
+
+
+class OneSimulation:
+    """A single simulation: that of an environment, without the environment."""
+
+    def __init__(self, physics: mjcf.Physics, task: tasks.GoalTask) -> None:
+        """Takes an environment's simulation.
+
+        Args:
+            physics: Of an environment of the task, which is not stepped and stays alive.
+            task: The task.
+        """
+        self._physics = physics
+        self._model, self._data = physics.model.ptr, physics.data.ptr
+        self._starts, self._variations = task.starts, task.variations
+        self._varied = self._variations.fields(
+            functools.partial(getattr, self._model), physical_only=True
+        )
+        self._substeps = task.physics_steps_per_control_step
+        self._drive = drive.Drive(
+            functools.partial(getattr, self._data),
+            task.addresses,
+            task.convention,
+            task.locked_gripper,
+        )
+        self._observer = observation.GoalObserver(
+            self._model,
+            self._data,
+            task.addresses,
+            task.control_timestep,
+            task.convention.object_minus_gripper,
+            current=self._drive.observes_current_state,
+        )
+        self._warnings = self._data.warning.number  # Live.
+        self._no_warnings = bytes(self._warnings.nbytes)
+
+    def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
+        """Puts a start in place, unless `ids` are empty."""
+        for start in starts:
+            state = self._starts.state(start)
+            if self._varied:
+                self._variations.write(start.variations, self._varied)
+                if self._variations.need_set_const:
+                    mujoco.mj_setConst(self._model, self._data)
+            with self._physics.reset_context():
+                self._drive.place(state)
+
+    def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
+        """Advances by a control step; returns [0] if it has diverged."""
+        self._drive.act(actions[0])
+        mujoco.mj_step(self._model, self._data, self._substeps)
+        self._drive.relock()
+        if self._drive.observes_current_state:
+            drive.refresh(self._model, self._data)
+        if self._warnings.tobytes() == self._no_warnings:
+            return _NONE
+        self._warnings[:] = 0
+        return np.zeros(1, dtype=np.int64)
+
+    def achieved_goal(self) -> np.ndarray:
+        """Returns (1, 3) position in m, a new array."""
+        return self._observer.achieved_goal()[np.newaxis]
+
+    def observation(self) -> np.ndarray:
+        """Returns (1, 25) or (1, 10), a new array, as `layout` has it."""
+        return self._observer.observation()[np.newaxis]
