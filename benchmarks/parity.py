@@ -13,11 +13,13 @@ import argparse
 import json
 import pathlib
 import subprocess
+import sys
 import tempfile
 
 import numpy as np
 
 import fetch_composer
+from benchmarks import markdown
 
 _WORKER = pathlib.Path(__file__).parent / 'workers' / 'robotics_episodes.py'
 _OUTPUT = pathlib.Path('build') / 'parity' / 'results.json'
@@ -38,14 +40,9 @@ _GOALS_OF_SLIDE = {
     ('seeking', 'gripper'): (0.5, 1e-3),
     ('seeking', 'achieved_goal'): (0.5, 5e-2),
 }
-_HEADER = (
-    '| task, actions | | median | 75 % | 90 % | within 1e-5 m | itself, nudged '
-    '| goal | reached | rewards equal |',
-    '|---|---|---|---|---|---|---|---|---|---|',
-)
-# What is between these lines of a page is replaced.
-_BEGIN = '<!-- parity table: made by make parity -->'
-_END = '<!-- end -->'
+_COLUMNS = ('task, actions', '', 'median', '75 %', '90 %', 'within 1e-5 m', 'itself, nudged',
+            'goal', 'reached', 'rewards equal')  # fmt: skip
+_TABLE = 'parity table: made by make parity'
 
 
 def _record_peer(peer: str, task: str, kind: str, seeds: tuple[int, int]) -> dict:
@@ -111,7 +108,7 @@ def _summary(errors: dict[str, np.ndarray], task: str, kind: str) -> dict:
     return summary
 
 
-def _rows(task: str, kind: str, summary: dict) -> list[str]:
+def _rows(task: str, kind: str, summary: dict) -> list[tuple[str, ...]]:
     rows = []
     for name, what in (('gripper', 'gripper'), ('achieved_goal', 'object')):
         if task == 'reach' and what == 'object':
@@ -127,36 +124,8 @@ def _rows(task: str, kind: str, summary: dict) -> list[str]:
             'yes' if row['reached'] else 'no',
             f'{summary["rewards_equal"]:.2%}',
         )
-        rows.append('| ' + ' | '.join(cells) + ' |')
+        rows.append(cells)
     return rows
-
-
-def split_at_table(page: str) -> tuple[str, str]:
-    """Returns what is before and after the table on a page, the markers included.
-
-    Raises:
-        ValueError: if the page has not exactly one place for it.
-    """
-    before, begin, rest = page.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
-    if not begin or not end or _BEGIN in rest:
-        raise ValueError(f'The page needs one line {_BEGIN!r} and, below it, {_END!r}.')
-    return before + begin, end + after
-
-
-def _page(path: str) -> pathlib.Path:
-    page = pathlib.Path(path)
-    try:
-        split_at_table(page.read_text())
-    except (OSError, ValueError) as error:
-        raise argparse.ArgumentTypeError(f'{path}: {error}') from None
-    return page
-
-
-def write_table(page: pathlib.Path, lines: list[str]) -> None:
-    """Replaces the table on a page, which is between two comments, by other lines."""
-    before, after = split_at_table(page.read_text())
-    page.write_text('\n'.join((before, *lines, after)))
 
 
 def main() -> None:
@@ -165,25 +134,35 @@ def main() -> None:
     parser.add_argument('--tasks', nargs='+', default=fetch_composer.ALL)
     parser.add_argument('--seeds', nargs=2, type=int, default=(3000, 3099))
     parser.add_argument(
-        '--write', type=_page, metavar='PAGE', help=f'put the table on a page, below {_BEGIN}'
+        '--write',
+        type=pathlib.Path,
+        metavar='PAGE',
+        help=f'put the table of all tasks on a page, below the line <!-- {_TABLE} -->',
     )
     arguments = parser.parse_args()
+    page = arguments.write
+    if page is not None and not (page.is_file() and markdown.has_markers(page, _TABLE)):
+        parser.error(f'{page} has no place for the table: a line <!-- {_TABLE} --> and an end.')
     results: dict = {'seeds': arguments.seeds, 'tasks': {}}
-    table = list(_HEADER)
-    print(*table, sep='\n', flush=True)
+    rows: list[tuple[str, ...]] = []
     for task in arguments.tasks:
         for kind in _KINDS:
+            print(f'{task}, {kind}', file=sys.stderr, flush=True)
             peer_episodes = _record_peer(arguments.peer, task, kind, arguments.seeds)
             summary = _summary(compare(task, peer_episodes), task, kind)
             results['tasks'].setdefault(task, {})[kind] = summary
-            rows = _rows(task, kind, summary)
-            print(*rows, sep='\n', flush=True)
-            table += rows
+            rows += _rows(task, kind, summary)
+    table = markdown.table(_COLUMNS, rows)
+    print(table)
     _OUTPUT.parent.mkdir(parents=True, exist_ok=True)
     _OUTPUT.write_text(json.dumps(results, indent=2))
-    print(f'Written to {_OUTPUT}.')
-    if arguments.write is not None:
-        write_table(arguments.write, table)
+    written = [_OUTPUT]
+    if page is not None and set(arguments.tasks) >= set(fetch_composer.ALL):
+        markdown.write_between_markers(page, _TABLE, table)
+        written.append(page)
+    elif page is not None:
+        print(f'Left as it was, for want of some tasks: {page}')
+    print(f'\nWritten: {", ".join(map(str, written))}')
 
 
 if __name__ == '__main__':

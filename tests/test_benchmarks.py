@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from benchmarks import meters, parity, report, results, rows
+from benchmarks import meters, report, results, rows
 
 _PEER = rows.GYMNASIUM_ROBOTICS
 
@@ -102,18 +102,3 @@ def test_a_ratio_of_speeds_grows_and_one_of_times_shrinks_as_ours_gets_faster():
     assert speed.reached(3.0) and not speed.reached(1.9)
     assert time.ratio(ours=1.0, peer=4.0) == 0.25
     assert time.reached(0.25) and not time.reached(1.1)
-
-
-def test_the_parity_table_is_put_on_a_page_between_its_comments(tmp_path):
-    page = tmp_path / 'page.md'
-    begin, end = '<!-- parity table: made by make parity -->', '<!-- end -->'
-    page.write_text(f'before\n{begin}\nold\n{end}\nafter\n')
-    for _ in range(2):
-        parity.write_table(page, ['| a |', '|---|'])
-        assert page.read_text() == f'before\n{begin}\n| a |\n|---|\n{end}\nafter\n'
-
-
-@pytest.mark.parametrize('text', ['', '<!-- parity table: made by make parity -->\n'])
-def test_a_page_without_a_place_for_the_parity_table_is_refused(text):
-    with pytest.raises(ValueError, match='made by make parity'):
-        parity.split_at_table(text)
