@@ -4,6 +4,7 @@ from fetch_composer import gymnasium_ids as _gymnasium_ids
 from fetch_composer import suite
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.environment import Environment
+from fetch_composer.joining import when_imported as _when_imported
 from fetch_composer.tasks import ALL, compute_reward
 
 __all__ = ('ALL', 'BatchEnvironment', 'Environment', 'compute_reward', 'load', 'suite')
@@ -28,5 +29,6 @@ def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs) -> E
     return suite.load(suite.DOMAIN, task_name, task_kwargs, environment_kwargs)
 
 
-suite.join_dm_control_suite()
-_gymnasium_ids.register_all()
+# Either is imported only by those who use it: it takes longer than all that is here.
+_when_imported('dm_control.suite', suite.join_dm_control_suite)
+_when_imported('gymnasium', _gymnasium_ids.register_all)

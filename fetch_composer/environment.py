@@ -11,6 +11,7 @@ from dm_control.composer.observation import updater
 from dm_control.rl import control
 from dm_env import specs
 
+from fetch_composer.entities.fingerprint import fingerprint
 from fetch_composer.tasks import seeding
 from fetch_composer.tasks.observables import FreshObservable
 
@@ -29,6 +30,7 @@ class Environment(composer.Environment):
     """
 
     _reset_next_step: bool
+    _mjcf_never_compiled: bool
 
     def __init__(
         self,
@@ -63,6 +65,7 @@ class Environment(composer.Environment):
         }
         super().__init__(task, random_state=seeding.random_state(random_state), **kwargs)
         self._task.random = self._random_state
+        self._fingerprint = fingerprint(task.root_entity.mjcf_model)
 
     def seed(self, seed) -> None:
         """Seeds the episodes that follow; the current one goes on.
@@ -113,6 +116,12 @@ class Environment(composer.Environment):
 
     def _reset_attempt(self) -> dm_env.TimeStep:
         self._reset_next_step = True  # Until the episode has started.
+        if self._mjcf_never_compiled and not self._changes_mjcf():
+            # Composer compiles once more before the first episode. Observables may have been
+            # enabled since, but the model is what it was.
+            self._observation_updater = self._make_observation_updater()
+            self._observation_updater.reset(self._physics_proxy, self._random_state)
+            self._mjcf_never_compiled = False
         time_step = super()._reset_attempt()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._observers = self._plain_observers()
@@ -120,6 +129,18 @@ class Environment(composer.Environment):
         self._no_warnings = bytes(self._warnings.nbytes)
         self._look_for_hooks()
         return self._flattened(time_step)
+
+    def _changes_mjcf(self) -> bool:
+        """Returns whether the MJCF has been changed, or a hook may do so before an episode."""
+        hooks = self._hooks._initialize_episode_mjcf
+        own = type(self._task).initialize_episode_mjcf is composer.Task.initialize_episode_mjcf
+        return bool(
+            self._recompile_mjcf_every_episode
+            or hooks.extra_hooks
+            or hooks.entity_hooks
+            or not own
+            or fingerprint(self._task.root_entity.mjcf_model) != self._fingerprint
+        )
 
     def _plain_observers(self):
         """Returns (name, function, whether its array is to be copied) of what is observed.

@@ -4,8 +4,6 @@ They are registered by the names of their entry points, so that the adapters are
 when an environment is made.
 """
 
-from absl import logging
-
 from fetch_composer import tasks
 
 NAMESPACE = 'fetch_composer'
@@ -29,14 +27,8 @@ def env_id(task: str, convention: str = 'documented', reward_type: str = 'sparse
 
 
 def register_all() -> None:
-    """Registers every task, those to come included, if there is a Gymnasium to register with."""
-    try:
-        import gymnasium
-    except ImportError:
-        return
-    except Exception as error:  # A broken Gymnasium is no reason to go without the tasks.
-        logging.warning('Gymnasium cannot be used: %s: %s', type(error).__name__, error)
-        return
+    """Registers every task with Gymnasium, those to come included."""
+    import gymnasium
 
     def register(task: str) -> None:
         for convention in tasks.conventions_of(task):

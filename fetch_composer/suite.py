@@ -3,7 +3,6 @@
 import functools
 import sys
 
-from dm_control import suite as dm_suite
 from dm_control.utils import containers
 
 from fetch_composer import tasks
@@ -63,14 +62,18 @@ tasks.on_register(_add)
 
 
 def join_dm_control_suite() -> None:
-    """Makes `dm_control.suite.load('fetch', ...)` work, and lists the tasks there."""
+    """Makes `dm_control.suite.load('fetch', ...)` work, and lists the tasks there.
+
+    dm_control's suite imports every domain that it has, and so must have been imported before.
+    """
+    from dm_control import suite as dm_suite
+
+    def list_there(task_name: str) -> None:
+        entry = (DOMAIN, task_name)
+        if entry not in dm_suite.ALL_TASKS:
+            dm_suite.TASKS_BY_DOMAIN[DOMAIN] = tuple(tasks.ALL)
+            dm_suite.ALL_TASKS += (entry,)
+            dm_suite.EXTRA += (entry,)
+
     dm_suite._DOMAINS.setdefault(DOMAIN, sys.modules[__name__])
-    tasks.on_register(_list_in_dm_control_suite)
-
-
-def _list_in_dm_control_suite(task_name: str) -> None:
-    entry = (DOMAIN, task_name)
-    if entry not in dm_suite.ALL_TASKS:
-        dm_suite.TASKS_BY_DOMAIN[DOMAIN] = tuple(tasks.ALL)
-        dm_suite.ALL_TASKS += (entry,)
-        dm_suite.EXTRA += (entry,)
+    tasks.on_register(list_there)

@@ -1,5 +1,8 @@
 """What a dm_env agent relies on, of every task and convention."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from absl.testing import absltest
@@ -36,6 +39,23 @@ def test_dm_controls_suite_lists_the_tasks():
     for task_name in fetch_composer.ALL:
         assert ('fetch', task_name) in dm_suite.ALL_TASKS
         assert task_name in dm_suite.TASKS_BY_DOMAIN['fetch']
+
+
+_LATER = """
+import sys
+import fetch_composer
+assert 'gymnasium' not in sys.modules and 'dm_control.suite' not in sys.modules
+import gymnasium
+from dm_control import suite
+print(suite.load('fetch', 'reach').reset().observation['observation'].shape)
+print(('fetch', 'slide') in suite.ALL_TASKS, 'fetch_composer/FetchPush-v4' in gymnasium.registry)
+"""
+
+
+def test_libraries_that_are_imported_later_know_the_tasks_too():
+    """They take longer to import than everything here, and so are left to those who use them."""
+    result = subprocess.run([sys.executable, '-c', _LATER], capture_output=True, text=True)
+    assert result.stdout == '(10,)\nTrue True\n', result.stderr
 
 
 def test_all_names_the_four_tasks():

@@ -270,3 +270,26 @@ def test_a_failed_start_leaves_nothing_to_step():
             call()
     fails[0] = False
     assert env.step(np.zeros(4, np.float32)).first()
+
+
+def test_what_is_changed_before_the_first_episode_is_there():
+    env = fetch_composer.load('push', seed=0)
+    env.task.scene.table.geom.rgba = (0.1, 0.2, 0.3, 1)
+    env.task.root_entity.mjcf_model.worldbody.add('geom', name='ball', size=(0.1,), pos=(0, 0, 3))
+    env.task.observables['fetch/joints_pos'].enabled = True
+    assert 'fetch/joints_pos' in env.reset().observation
+    np.testing.assert_allclose(
+        env.physics.named.model.geom_rgba['table/table'], (0.1, 0.2, 0.3, 1), atol=1e-6
+    )
+    assert env.physics.model.name2id('ball', 'geom') >= 0
+
+
+def test_a_hook_may_change_the_model_before_the_first_episode():
+    env = fetch_composer.load('push', seed=0)
+
+    def widen(random_state):
+        env.task.scene.table.geom.size = (0.3, 0.4, 0.2)
+
+    env.add_extra_hook('initialize_episode_mjcf', widen)
+    env.reset()
+    np.testing.assert_array_equal(env.physics.named.model.geom_size['table/table'], (0.3, 0.4, 0.2))
