@@ -79,8 +79,8 @@ class Arena(composer.Arena):
             builtin='gradient',
             rgb1=(0.86, 0.9, 0.94),
             rgb2=(0.5, 0.58, 0.68),
-            width=256,
-            height=1536,
+            width=64,
+            height=384,
         )
         tiles = asset.add(
             'texture',
@@ -89,10 +89,8 @@ class Arena(composer.Arena):
             builtin='checker',
             rgb1=(0.62, 0.64, 0.67),
             rgb2=(0.56, 0.58, 0.61),
-            mark='edge',
-            markrgb=(0.5, 0.52, 0.55),
-            width=512,
-            height=512,
+            width=64,
+            height=64,
         )
         material = asset.add(
             'material', name='tiles', texture=tiles, texrepeat=(2, 2), texuniform=True,

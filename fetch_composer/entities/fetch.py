@@ -9,7 +9,7 @@ from dm_control.composer import define
 from dm_control.composer.observation import observable
 from dm_control.entities.manipulators import base
 
-from fetch_composer.entities import fusing, hulls
+from fetch_composer.entities import fusing, hulls, looks
 
 _DIRECTORY = os.path.dirname(__file__)
 _ARM_XML = os.path.join(_DIRECTORY, 'fetch_arm.xml')
@@ -116,10 +116,12 @@ class FetchArm(base.RobotArm):
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
+            looks.dress(self._mjcf_root)
         else:
             fusing.fuse(self._mjcf_root.find('body', 'torso_fixed_link'))
             for weight in _WEIGHTS:
                 self._mjcf_root.find('body', weight).remove()
+            looks.dress(self._mjcf_root, {'torso_lift_link': 'torso'})
         self._head_joints: tuple[mjcf.Element, ...] = ()
         if moving_head:
             self._head_joints = self._add_head_joints()
@@ -258,9 +260,11 @@ class FetchGripper(base.RobotHand):
                 )
                 for side, axis in (('r', (0, 1, 0)), ('l', (0, -1, 0)))
             )
+            looks.dress(self._mjcf_root)
         else:
             for side in 'rl':
                 fusing.fuse(self._mjcf_root.find('body', f'{side}_gripper_finger_link'))
+            looks.dress(self._mjcf_root, {'gripper_link': 'closed_gripper'})
         if actuated:
             self._actuators = tuple(
                 self._mjcf_root.actuator.add(
