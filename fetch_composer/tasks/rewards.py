@@ -56,7 +56,8 @@ def compute_reward(achieved_goal, desired_goal, reward_type: str = 'sparse') -> 
             minus the distance in m.
 
     Raises:
-        ValueError: if `reward_type` is not one of `REWARD_TYPES`, or a goal is not of three numbers.
+        ValueError: if `reward_type` is not one of `REWARD_TYPES`, or goals are not of three numbers
+            each.
     """
     checks.one_of('reward_type', reward_type, REWARD_TYPES)
     distance = goal_distance(achieved_goal, desired_goal)
