@@ -44,6 +44,7 @@ class Settings:
         least_noise: Share of `noise` and `uniform_share` in the first environment; it grows to
             1 in the last.
         relay_share: Share of exploring episodes that begin by reaching for the object.
+        relay_steps: Control steps for which Reach is learned before, for the relay.
         relay_spread: They reach for a place up to this many m beside it.
         evaluate_every: Iterations from one point of the curve to the next.
         evaluation_episodes: Episodes of a point of the curve.
@@ -71,6 +72,7 @@ class Settings:
     uniform_share: float = 0.3
     least_noise: float = 0.0
     relay_share: float = 0.5
+    relay_steps: int = 32_000
     relay_spread: float = 0.06
     evaluate_every: int = 5
     evaluation_episodes: int = 100

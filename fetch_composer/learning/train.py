@@ -16,7 +16,6 @@ from fetch_composer.learning.trainer import DivergedError, Trainer, flatten, unf
 from fetch_composer.tasks import conventions
 
 _RELAY_TASK = 'reach'
-_RELAY_STEPS = 32_000  # Control steps: enough to bring the gripper where it is to go.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,7 +152,7 @@ class Run:
         options = self._options
         settings = dataclasses.replace(
             settings_lib.for_task(_RELAY_TASK),
-            environment_steps=_RELAY_STEPS,
+            environment_steps=options.settings.relay_steps,
             episode_steps=options.settings.episode_steps,
         )
         trainer = Trainer(
