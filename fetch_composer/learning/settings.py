@@ -12,7 +12,8 @@ TUNING_SEEDS = range(500_000, 1_000_000)  # For the curve, and for choosing sett
 HELD_OUT_SEEDS = range(1_000_000, 1_001_000)  # Used once, when all is learned.
 
 _SHARES = (
-    'hindsight_share', 'moved_share', 'lifted_share', 'relay_share', 'uniform_share', 'least_noise',
+    'hindsight_share', 'final_share', 'moved_share', 'lifted_share', 'uniform_share',
+    'least_noise', 'relay_share',
 )  # fmt: skip
 
 
@@ -37,6 +38,7 @@ class Settings:
         action_cost: Weight of the mean squared action in the actor's loss.
         replay_episodes: Episodes that are kept.
         hindsight_share: Share of transitions whose goal is replaced by one achieved later.
+        final_share: Share of these goals that are what was achieved at the episode's end.
         moved_share: Share of transitions that are taken from episodes that moved the object.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
@@ -66,6 +68,7 @@ class Settings:
     action_cost: float = 0.05
     replay_episodes: int = 20_000
     hindsight_share: float = 0.8
+    final_share: float = 0.0
     moved_share: float = 0.5
     lifted_share: float = 0.0
     noise: float = 0.2

@@ -49,6 +49,19 @@ class Options:
             raise ValueError(f'minutes must be positive, got {self.minutes}.')
 
     @property
+    def command(self) -> str:
+        """The command that makes this run."""
+        usual = settings_lib.for_task(self.task)
+        words = [f'python -m fetch_composer.learning --task {self.task}']
+        words.append(f'--convention {self.convention} --seed {self.seed}')
+        for name in settings_lib.names():
+            value = getattr(self.settings, name)
+            if value != getattr(usual, name):
+                shown = ','.join(map(str, value)) if isinstance(value, tuple) else value
+                words.append(f'--set {name}={shown}')
+        return ' '.join(words)
+
+    @property
     def decisive(self) -> dict[str, Any]:
         """What decides on the run, fit for JSON: the same is needed to continue it."""
         settings = dataclasses.asdict(self.settings)
@@ -192,6 +205,12 @@ class Run:
         self._save()
         self._on_progress(point)
 
+    def _method(self) -> str:
+        how = 'learned from scratch by TD3 with hindsight relabelling, sparse reward'
+        if self._needs_relay:
+            how += '; exploring relays from a policy of Reach that was learned in the same run'
+        return how
+
     def _save(self) -> None:
         options = self._options
         state = {f'trainer/{name}': each for name, each in self._trainer.state().items()}
@@ -213,6 +232,8 @@ class Run:
         success = statistics.success_rate(trainer.evaluate(settings_lib.HELD_OUT_SEEDS))
         steps, updates = self._relay_counts + (trainer.environment_steps, trainer.updates)
         summary = {
+            'method': self._method(),
+            'command': options.command,
             'success_rate': success.value,
             'success_interval': [success.low, success.high],
             'episodes': len(settings_lib.HELD_OUT_SEEDS),
