@@ -75,7 +75,7 @@ class Settings:
     uniform_share: float = 0.3
     least_noise: float = 0.0
     relay_share: float = 0.5
-    relay_steps: int = 32_000
+    relay_steps: int = 16_000
     relay_spread: float = 0.06
     evaluate_every: int = 5
     evaluation_episodes: int = 100
@@ -117,9 +117,10 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # A grasp is a rare accident. The relay brings the open gripper right to the block, and what
     # was lifted is rehearsed more often.
     'pick_and_place': {
-        'environment_steps': 800_000,
+        'environment_steps': 600_000,
         'relay_spread': 0.02,
         'lifted_share': 0.2,
+        'evaluate_every': 10,
     },
     # The puck glides for most of an episode, and what it does then was decided long before.
     'slide': {'environment_steps': 2_500_000, 'discount': 0.97, 'evaluate_every': 20},
