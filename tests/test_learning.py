@@ -268,7 +268,7 @@ def test_networks_that_diverge_leave_the_last_good_checkpoint(tmp_path):
 
 def test_a_seed_fixes_a_run_and_another_differs(tmp_path):
     runs = [
-        _run(dataclasses.replace(_options(tmp_path / str(i), relay_share=0.0), seed=seed))[0]
+        _run(dataclasses.replace(_options(tmp_path / str(i)), seed=seed))[0]
         for i, seed in enumerate((1, 1, 2))
     ]
     first, again, other = (

@@ -78,7 +78,7 @@ class Settings:
     relay_steps: int = 16_000
     relay_spread: float = 0.06
     evaluate_every: int = 5
-    evaluation_episodes: int = 100
+    evaluation_episodes: int = 128
 
     def __post_init__(self) -> None:
         """Raises `ValueError`, which says what is valid, if a number is out of range."""
@@ -113,11 +113,11 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'relay_share': 0.0,
         'evaluate_every': 2,
     },
-    'push': {'environment_steps': 400_000},
+    'push': {'environment_steps': 350_000},
     # A grasp is a rare accident. The relay brings the open gripper right to the block, and what
     # was lifted is rehearsed more often.
     'pick_and_place': {
-        'environment_steps': 600_000,
+        'environment_steps': 480_000,
         'relay_spread': 0.02,
         'lifted_share': 0.2,
         'evaluate_every': 10,

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -41,14 +40,13 @@ class Trainer:
         num_threads: int | None = None,
     ) -> None:
         """Initializes a learner that has learned nothing; the seed decides on all that follows."""
-        options: dict[str, Any] = {
-            'convention': convention,
-            'max_episode_steps': settings.episode_steps,
-        }
         self.settings = settings
-        self._batch = batch_lib.BatchEnvironment(task, settings.num_envs, num_threads, **options)
-        self._judge = batch_lib.BatchEnvironment(
-            task, settings.evaluation_episodes, num_threads, **options
+        self._batch = batch_lib.BatchEnvironment(
+            task,
+            settings.num_envs,
+            num_threads,
+            convention=convention,
+            max_episode_steps=settings.episode_steps,
         )
         (size,) = self._batch.single_observation_spec()['observation'].shape
         self._generator = np.random.Generator(np.random.PCG64(seed))
@@ -146,12 +144,11 @@ class Trainer:
         """
         if seeds is None:
             seeds = TUNING_SEEDS[: self.settings.evaluation_episodes]
-        return rollout.evaluate(self._judge, self.policy.act, seeds, self.settings.episode_steps)
+        return rollout.evaluate(self._batch, self.policy.act, seeds, self.settings.episode_steps)
 
     def close(self) -> None:
         """Frees the simulations."""
         self._batch.close()
-        self._judge.close()
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns all that decides on what follows, as arrays."""
