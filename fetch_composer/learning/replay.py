@@ -107,9 +107,6 @@ class HindsightReplay:
         time = generator.integers(steps, size=count)
 
         later = time + 1 + generator.integers(steps - time)
-        if settings.final_share:
-            at_end = generator.random(count) < settings.final_share
-            later = np.where(at_end, steps, later)
         in_hindsight = generator.random(count) < settings.hindsight_share
         achieved_later = networks.achieved_goal(observations[episode, later])
         goal = np.where(in_hindsight[:, None], achieved_later, goals[episode])
