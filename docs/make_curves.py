@@ -1,10 +1,12 @@
 """Learns every task with several seeds, and writes the curves and figures of docs/learning.md.
 
 `python docs/make_curves.py` (`make curves`) takes most of a day. Stopped, it goes on where it
-was: runs that are finished are not made again. With `--draw` it only writes what is there.
+was: runs that are finished are not made again, unless settings have changed. With `--draw` it
+learns nothing and only writes what is there.
 """
 
 import argparse
+import dataclasses
 import pathlib
 import shutil
 import subprocess
@@ -14,14 +16,16 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import figure
 
+from fetch_composer import policies
 from fetch_composer.explorer.pictures import style
 from fetch_composer.explorer.results import recording
-from fetch_composer.learning import curve
+from fetch_composer.learning import curve, settings
 
 _DOCS = pathlib.Path(__file__).parent
 _DATA = _DOCS / 'curves'
 _PAGE = _DOCS / 'learning.md'
-_MARKS = ('<!-- Written by make_curves.py. -->\n', '<!-- End of what it wrote. -->\n')
+_POLICIES = pathlib.Path(policies.__file__).parent / 'trained'
+_MARKS = '<!-- {} by make_curves.py. -->\n', '<!-- End of {}. -->\n'
 
 _TASKS = ('reach', 'push', 'pick_and_place', 'slide')
 _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
@@ -40,13 +44,20 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
         for task in _TASKS:
             for convention in _COLOURS:
                 name = f'{task}_{convention}_seed{seed}'
-                if (_DATA / f'{name}.json').exists():
+                if _has_usual_settings(recording.load_json(_DATA / f'{name}.json'), task):
                     continue
                 print(name, flush=True)
                 command = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
                 flags = [f'--convention={convention}', f'--seed={seed}']
                 subprocess.run([*command, *flags, f'--output_dir={runs / name}'], check=True)
                 keep(runs / name, name)
+
+
+def _has_usual_settings(summary: dict, task: str) -> bool:
+    """Returns whether a finished run was made as `--task` alone makes it."""
+    usual = dataclasses.asdict(settings.for_task(task))
+    usual['hidden'] = list(usual['hidden'])
+    return summary.get('settings') == usual
 
 
 def keep(run: pathlib.Path, name: str) -> None:
@@ -111,8 +122,10 @@ def _table() -> str:
                 continue
             solved = [_first_solved(points) for _, points in runs]
             summaries = [summary for summary, _ in runs]
+            others = sum(not _has_usual_settings(summary, task) for summary in summaries)
+            note = f', {others} with other settings' if others else ''
             rows.append(
-                f'| {task} | {convention} | {len(runs)} '
+                f'| {task} | {convention} | {len(runs)}{note} '
                 f'| {_spread([s and s.environment_steps for s in solved], "{:,.0f}")} '
                 f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
                 f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} '
@@ -135,11 +148,32 @@ def _spread(values: Sequence[float | None], form: str) -> str:
     return middle if shown[0] == shown[-1] else f'{middle} ({shown[0]} to {shown[-1]})'
 
 
-def _write_table() -> None:
-    """Puts the table between the marks of the page."""
-    before, _, rest = _PAGE.read_text(encoding='utf-8').partition(_MARKS[0])
-    _, _, after = rest.partition(_MARKS[1])
-    recording.save_text(_PAGE, f'{before}{_MARKS[0]}\n{_table()}\n{_MARKS[1]}{after}')
+def _policies() -> str:
+    """Returns a row for each policy that ships, from its card."""
+    rows = [
+        '| task | convention | success of 1,000 | interval | steps | minutes | how |',
+        '|---|---|---|---|---|---|---|',
+    ]
+    for task in _TASKS:
+        for convention in _COLOURS:
+            card = recording.load_json(_POLICIES / f'{task}_{convention}.json')
+            if not card:
+                continue
+            low, high = card['success_interval']
+            rows.append(
+                f'| {task} | {convention} | {card["success_rate"]:.3f} | {low:.3f} to {high:.3f} '
+                f'| {card["environment_steps"]:,} | {card["minutes"]:.1f} '
+                f'| {card["method"].split(",")[0].split(" by ")[0]} |'
+            )
+    return '\n'.join(rows) + '\n'
+
+
+def _write(name: str, table: str) -> None:
+    """Puts a table between its marks of the page."""
+    begin, end = (mark.format(name) for mark in _MARKS)
+    before, _, rest = _PAGE.read_text(encoding='utf-8').partition(begin)
+    _, _, after = rest.partition(end)
+    recording.save_text(_PAGE, f'{before}{begin}\n{table}\n{end}{after}')
 
 
 def main(args: argparse.Namespace) -> None:
@@ -147,7 +181,8 @@ def main(args: argparse.Namespace) -> None:
     if not args.draw:
         _learn(args.runs, args.seeds)
     _draw()
-    _write_table()
+    _write('Figures', _table())
+    _write('Policies', _policies())
 
 
 if __name__ == '__main__':
