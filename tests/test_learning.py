@@ -52,6 +52,13 @@ def pushed(tmp_path_factory):
     return folder, *_run(_options(folder, 'push'))
 
 
+@pytest.fixture(scope='module')
+def reached(tmp_path_factory):
+    """The same of Reach."""
+    folder = tmp_path_factory.mktemp('reached')
+    return folder, *_run(_options(folder))
+
+
 def _options(folder, task='reach', **changes):
     return train.Options(
         task=task,
@@ -266,17 +273,15 @@ def test_networks_that_diverge_leave_the_last_good_checkpoint(tmp_path):
     assert (tmp_path / 'checkpoint.npz').read_bytes() == good
 
 
-def test_a_seed_fixes_a_run_and_another_differs(tmp_path):
-    runs = [
-        _run(dataclasses.replace(_options(tmp_path / str(i)), seed=seed))[0]
-        for i, seed in enumerate((1, 1, 2))
-    ]
-    first, again, other = (
+def test_a_seed_fixes_a_run_and_another_differs(tmp_path, reached):
+    again, _ = _run(_options(tmp_path / 'again'))
+    other, _ = _run(dataclasses.replace(_options(tmp_path / 'other'), seed=4))
+    weights, same, different = (
         np.concatenate([np.ravel(leaf) for layer in run.policy.actor for leaf in layer.values()])
-        for run in runs
+        for run in (reached[1], again, other)
     )
-    np.testing.assert_array_equal(first, again)
-    assert not np.allclose(first, other)
+    np.testing.assert_array_equal(weights, same)
+    assert not np.allclose(weights, different)
 
 
 @pytest.mark.parametrize(
@@ -298,14 +303,14 @@ def test_bad_flags_are_answered_with_what_is_valid(tmp_path, capsys, flags, mess
     assert not (tmp_path / 'run').exists()
 
 
-def test_a_folder_of_another_run_is_left_alone(tmp_path):
-    _run(_options(tmp_path))
-    files = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+def test_a_folder_of_another_run_is_left_alone(reached):
+    folder = reached[0]
+    files = {path.name: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(ValueError, match='noise: there 0.2, here 0.1'):
-        train.Run(_options(tmp_path, noise=0.1))
+        train.Run(_options(folder, noise=0.1))
     with pytest.raises(ValueError, match='seed: there 3, here 4'):
-        train.Run(dataclasses.replace(_options(tmp_path), seed=4))
-    assert files == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+        train.Run(dataclasses.replace(_options(folder), seed=4))
+    assert files == {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_a_file_that_is_no_checkpoint_is_named(tmp_path):

@@ -21,7 +21,10 @@ _FIRST_SEED = 1_000_000  # Of episodes that no policy has learned from.
 
 @pytest.fixture
 def path(task_name, convention) -> pathlib.Path:
-    return _FOLDER / f'{task_name}_{convention}.onnx'
+    file = _FOLDER / f'{task_name}_{convention}.onnx'
+    if not file.exists():
+        pytest.skip(f'no policy ships for {task_name}, {convention}')
+    return file
 
 
 @pytest.fixture
