@@ -19,12 +19,17 @@ _EPISODES = 100
 _FIRST_SEED = 1_000_000  # Of episodes that no policy has learned from.
 
 
+_SHIPPED = ('pick_and_place', 'push', 'reach')  # Slide is not learned well enough yet.
+
+
+@pytest.fixture(params=_SHIPPED)
+def task_name(request) -> str:
+    return request.param
+
+
 @pytest.fixture
 def path(task_name, convention) -> pathlib.Path:
-    file = _FOLDER / f'{task_name}_{convention}.onnx'
-    if not file.exists():
-        pytest.skip(f'no policy ships for {task_name}, {convention}')
-    return file
+    return _FOLDER / f'{task_name}_{convention}.onnx'
 
 
 @pytest.fixture
