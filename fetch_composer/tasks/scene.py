@@ -128,6 +128,9 @@ class Scene:
         for robot in (self.arm, self.gripper):
             for geom in robot.mjcf_model.find_all('geom', exclude_attachments=True):
                 if geom.dclass is not None and geom.dclass.dclass == 'visual':
+                    for asset in (geom.mesh, geom.material):
+                        if asset is not None:
+                            asset.remove()
                     geom.remove()
         if cameras:
             model = self.arena.mjcf_model
