@@ -65,7 +65,10 @@ def _save_onnx(path, inputs, outputs=(('action', ['batch', 4]),), double=False):
     [
         ({'observation': 25, 'desired_goal': 3}, ('observation', 'desired_goal')),
         ({'desired_goal': 3, 'achieved_goal': 3}, ('desired_goal', 'achieved_goal')),
+        ({'x': 25}, ('observation',)),
         ({'x': 28}, ('observation', 'desired_goal')),
+        ({'x': 31}, ('achieved_goal', 'desired_goal', 'observation')),
+        ({'observation': 31}, ('achieved_goal', 'desired_goal', 'observation')),
     ],
 )
 def test_a_network_acts_on_the_observations_that_it_names(
@@ -95,9 +98,14 @@ def test_a_network_is_run_by_the_batch(tmp_path):
 @pytest.mark.parametrize(
     ('inputs', 'outputs', 'message'),
     [
-        ([('observation', [1, 24])], None, r"'observation' has shape \(1, 24\), but .* \(25,\)"),
-        ([('x', ['n', 31])], None, r"'x' has shape \(n, 31\), but observation and desired_goal"),
-        ([('x', [1, 25]), ('y', [1, 3])], None, r'has the inputs x, y; valid are observation'),
+        (
+            [('observation', [1, 24])],
+            None,
+            r"'observation' has shape \(1, 24\); .*valid are by name observation \(25\), .*single "
+            r'input 25 \(observation\), 28 \(observation, desired_goal\), 31 \(achieved_goal, ',
+        ),
+        ([('x', ['n', 30])], None, r"'x' has shape \(n, 30\)"),
+        ([('x', [1, 25]), ('y', [1, 3])], None, r'has the inputs x, y; valid are by name obs'),
         ([('observation', [8, 25])], None, r"'observation' has shape \(8, 25\)"),
         ([('observation', [1, 25])], [('out', [1, 3])], r"'out' has shape \(1, 3\), but an action"),
         ([('observation', [1, 25])], [('a', [1, 4]), ('b', [1, 4])], r'outputs a, b; one must be'),
@@ -134,7 +142,7 @@ def test_a_network_for_another_task_is_named(tmp_path):
     path = str(tmp_path / 'policy.onnx')
     _save_onnx(path, [('observation', ['batch', 25])])
     reach = fetch_composer.load('reach')
-    with pytest.raises(ValueError, match=r'but observation of this task is \(10,\)'):
+    with pytest.raises(ValueError, match=r'valid are by name observation \(10\), .*, 13 \('):
         policies.load(path, reach)
 
 
@@ -179,12 +187,14 @@ def _stand_in(monkeypatch, sizes=_SIZES, action=4):
 
         def predict(self, observation, deterministic):
             assert deterministic
-            return observation['desired_goal'][[0, 1, 2, 0]], None
+            return observation['desired_goal'][:, [0, 1, 2, 0]], None
 
     package = types.ModuleType('stable_baselines3')
     for name in ('SAC', 'TD3', 'PPO', 'A2C'):
         setattr(package, name, type(name, (Model,), {}))
     monkeypatch.setitem(sys.modules, 'stable_baselines3', package)
+    threads = {'get_num_threads': lambda: 1, 'set_num_threads': lambda count: None}
+    monkeypatch.setitem(sys.modules, 'torch', types.SimpleNamespace(**threads))
     return loaded
 
 
@@ -232,7 +242,9 @@ def test_a_zip_that_does_not_fit_is_named(tmp_path, monkeypatch, env):
         policies.load(path, env)
     _save_zip(path)
     _stand_in(monkeypatch, {**_SIZES, 'observation': 10})
-    with pytest.raises(ValueError, match=r'observations .*\(10,\).* has .*\(25,\)'):
+    with pytest.raises(
+        ValueError, match=r"observations .*\(10,\).*dictionary of .*'observation': 25"
+    ):
         policies.load(path, env, trust_pickle=True)
     _stand_in(monkeypatch, action=3)
     with pytest.raises(ValueError, match=r'actions of shape \(3,\), but this task takes \(4,\)'):

@@ -8,13 +8,20 @@ from typing import Any
 
 from fetch_composer.policies.experts import EXPERTS
 from fetch_composer.policies.files import code_policy, onnx_policy, sb3_policy
-from fetch_composer.policies.protocol import ActionError, Policy, PolicyContext, check_action
+from fetch_composer.policies.protocol import (
+    ActionError,
+    BatchPolicy,
+    Policy,
+    PolicyContext,
+    check_action,
+)
 from fetch_composer.policies.uniform import UniformPolicy
 from fetch_composer.policies.zero import ZeroPolicy
 
 __all__ = (
     'ALL',
     'ActionError',
+    'BatchPolicy',
     'Policy',
     'PolicyContext',
     'PolicyFactory',
