@@ -62,7 +62,7 @@ bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPo
 	$(BIN)/python -m benchmarks $(PEERS) --write docs/speed.md README.md $(BENCH_OPTIONS)
 
 parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajectories with Gymnasium-Robotics, live.
-	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python
+	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python --write docs/conventions.md
 
 clean:  ## Remove everything that was made, the virtual environments included.
 	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache

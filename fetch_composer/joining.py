@@ -13,7 +13,7 @@ def when_imported(name: str, join: Callable[[], None]) -> None:
         name: Name of the module.
         join: What to call; it may import the module.
     """
-    if name in sys.modules:
+    if sys.modules.get(name) is not None:
         join()
     else:
         sys.meta_path.insert(0, _Finder(name, join))

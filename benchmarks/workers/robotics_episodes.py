@@ -17,9 +17,11 @@ from gymnasium_robotics.utils import mujoco_utils
 _STEPS = 50
 _NOISE = 0.3  # Standard deviation of what is added to seeking actions.
 _GRASP_DISTANCE = 0.03  # m
+_NUDGED_JOINT = 'robot0:shoulder_pan_joint'
+_NUDGE = 1e-15  # rad
 
 
-class _IntegerEnums:
+class IntegerEnums:
     """The `mujoco` module with the enums that the peer compares read as integers.
 
     Since MuJoCo 3.12 an enum does not equal its number, and the peer's resets fail on that.
@@ -34,6 +36,12 @@ class _IntegerEnums:
 
     def __getattr__(self, name):
         return getattr(mujoco, name)
+
+
+def task_id(task: str) -> str:
+    """Returns the Gymnasium id of one of the peer's tasks."""
+    camel_case = ''.join(word.capitalize() for word in task.split('_'))
+    return f'Fetch{camel_case}-v4'
 
 
 def _uniform(rng, observation, has_fingers) -> np.ndarray:
@@ -58,31 +66,55 @@ def _seeking(rng, observation, has_fingers) -> np.ndarray:
 _KINDS = {'uniform': _uniform, 'seeking': _seeking}
 
 
+def _places(observation: dict) -> tuple[np.ndarray, np.ndarray]:
+    return observation['observation'][:3], observation['achieved_goal']
+
+
+def _record(env, seed: int, kind: str, has_fingers: bool) -> dict[str, list]:
+    """Returns the actions, places and rewards of an episode."""
+    rng = np.random.default_rng(10_000 + seed)
+    observation, _ = env.reset(seed=seed)
+    places, actions, rewards = [_places(observation)], [], []
+    for _ in range(_STEPS):
+        action = _KINDS[kind](rng, observation, has_fingers).astype(np.float32)
+        observation, reward, *_ = env.step(action)
+        places.append(_places(observation))
+        actions.append(action)
+        rewards.append(reward)
+    gripper, achieved_goal = map(list, zip(*places, strict=True))
+    return {
+        'actions': actions,
+        'gripper': gripper,
+        'achieved_goal': achieved_goal,
+        'reward': rewards,
+    }
+
+
+def _repeat_nudged(env, seed: int, actions: list) -> dict[str, list]:
+    """Returns the places of an episode that starts a rounding error aside."""
+    observation, _ = env.reset(seed=seed)
+    model, data = env.unwrapped.model, env.unwrapped.data
+    data.joint(_NUDGED_JOINT).qpos += _NUDGE
+    mujoco.mj_forward(model, data)
+    places = [_places(observation), *(_places(env.step(action)[0]) for action in actions)]
+    gripper, achieved_goal = map(list, zip(*places, strict=True))
+    return {'nudged_gripper': gripper, 'nudged_achieved_goal': achieved_goal}
+
+
 def main() -> None:
     task, kind, first_seed, last_seed, output = sys.argv[1:]
-    mujoco_utils.mujoco = _IntegerEnums()
+    mujoco_utils.mujoco = IntegerEnums()
     gymnasium.register_envs(gymnasium_robotics)
-    camel_case = ''.join(word.capitalize() for word in task.split('_'))
-    env = gymnasium.make(f'Fetch{camel_case}-v4')
-    recorded: dict[str, list] = {'actions': [], 'gripper': [], 'achieved_goal': [], 'reward': []}
+    env = gymnasium.make(task_id(task))
     seeds = range(int(first_seed), int(last_seed) + 1)
+    episodes = []
     for seed in seeds:
-        rng = np.random.default_rng(10_000 + seed)
-        observation, _ = env.reset(seed=seed)
-        episode: dict[str, list] = {name: [] for name in recorded}
-        for step in range(_STEPS + 1):
-            episode['gripper'].append(observation['observation'][:3])
-            episode['achieved_goal'].append(observation['achieved_goal'])
-            if step == _STEPS:
-                break
-            action = _KINDS[kind](rng, observation, task == 'pick_and_place').astype(np.float32)
-            observation, reward, *_ = env.step(action)
-            episode['actions'].append(action)
-            episode['reward'].append(reward)
-        for name, values in episode.items():
-            recorded[name].append(values)
-    recorded['seed'] = list(seeds)
-    np.savez(output, **recorded)  # type: ignore[arg-type]
+        episode = _record(env, seed, kind, task == 'pick_and_place')
+        episodes.append(episode | _repeat_nudged(env, seed, episode['actions']))
+    recorded: dict[str, np.ndarray] = {
+        name: np.array([episode[name] for episode in episodes]) for name in episodes[0]
+    }
+    np.savez(output, seed=list(seeds), **recorded)  # type: ignore[arg-type]
 
 
 if __name__ == '__main__':

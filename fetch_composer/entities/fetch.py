@@ -33,7 +33,16 @@ _BASE_DAMPING = 1e11
 _TORSO_DAMPING = 1e7
 _BASE_ARMATURE = 1e-4  # kg
 _TORSO_ARMATURE = 1.0  # kg
+# What a base that can move stands on. The floor's push on it moves the gripper, so that its height
+# is the mean of the four lowest points of Gymnasium-Robotics' base.
+_FOOT_HALF_SIZE = (0.188, 0.12335, 0.001)  # m
+_FOOT_POSITION = (-0.022, 0.00055, _FOOT_HALF_SIZE[2] + 8.21020468e-07)  # m, in the base's frame.
 _TORSO_RANGE = (0.0386, 0.3861)  # m
+
+_HEAD_PAN_RANGE = (-1.57, 1.57)  # rad
+_HEAD_TILT_RANGE = (-0.76, 1.45)  # rad
+_HEAD_TILT_UPRIGHT = 0.06  # rad, at which its link is level.
+_HEAD_TILT_DAMPING = 1000.0  # N m s/rad
 
 _FINGER_GAIN = 30_000.0  # N/m, of the position servo of each finger.
 _FINGER_CONTROL_RANGE = (0.0, 0.2)  # m
@@ -46,8 +55,14 @@ def _compensate_gravity(mjcf_model: mjcf.RootElement, from_body: str) -> None:
         body.gravcomp = 1
 
 
-def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trunk: bool) -> None:
-    """Replaces the primitives that links collide with by their convex hulls."""
+def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], kind: str) -> None:
+    """Replaces the primitives that links collide with by their convex hulls.
+
+    Args:
+        mjcf_model: The model.
+        names: The links.
+        kind: The default class of the hulls, which decides what they meet.
+    """
     for name in names:
         body = mjcf_model.find('body', name)
         for geom in body.find_all('geom', immediate_children_only=True):
@@ -56,7 +71,7 @@ def _collide_with_hulls(mjcf_model: mjcf.RootElement, names: Iterable[str], trun
         body.add(
             'geom',
             name=name.replace('_link', '_hull'),
-            dclass=mjcf_model.find('default', 'trunk' if trunk else 'collision'),
+            dclass=mjcf_model.find('default', kind),
             type='mesh',
             mesh=mjcf_model.asset.add('mesh', name=name, vertex=hulls.HULLS[name].ravel()),
         )
@@ -73,6 +88,7 @@ class FetchArm(base.RobotArm):
         self,
         name: str = 'fetch',
         damped_base: bool = False,
+        moving_head: bool = False,
         gravity_compensation: bool = True,
         exact_hulls: bool = False,
     ) -> None:
@@ -81,8 +97,10 @@ class FetchArm(base.RobotArm):
         Args:
             name: Name of the entity.
             damped_base: If false, base and torso are rigidly fixed. If true they slide on
-                joints of immense damping and the base stands on the floor, which is how
+                joints of immense damping and the base stands on the floor on a foot, as
                 Gymnasium-Robotics holds them.
+            moving_head: If false, the head is rigidly fixed and looks down at the table. If true
+                it pans and tilts on damped joints, starts level, and the arm can touch it.
             gravity_compensation: Whether the arm carries its own weight.
             exact_hulls: Whether links collide with hulls of the shapes that they have in
                 Gymnasium-Robotics, or with a few primitives, which cost less.
@@ -90,8 +108,11 @@ class FetchArm(base.RobotArm):
         self._mjcf_root = mjcf.from_path(_ARM_XML)
         self._mjcf_root.model = name
         if exact_hulls:
-            _collide_with_hulls(self._mjcf_root, hulls.TRUNK, trunk=True)
-            _collide_with_hulls(self._mjcf_root, hulls.ARM, trunk=False)
+            _collide_with_hulls(self._mjcf_root, hulls.TRUNK, 'trunk')
+            _collide_with_hulls(self._mjcf_root, hulls.ARM, 'collision')
+            if moving_head:
+                _collide_with_hulls(self._mjcf_root, hulls.HEAD, 'head')
+                _collide_with_hulls(self._mjcf_root, hulls.UPPER_ARM, 'upper_arm')
         self._base_joints: tuple[mjcf.Element, ...] = ()
         if damped_base:
             self._base_joints = self._add_base_joints()
@@ -99,6 +120,9 @@ class FetchArm(base.RobotArm):
             fusing.fuse(self._mjcf_root.find('body', 'torso_fixed_link'))
             for weight in _WEIGHTS:
                 self._mjcf_root.find('body', weight).remove()
+        self._head_joints: tuple[mjcf.Element, ...] = ()
+        if moving_head:
+            self._head_joints = self._add_head_joints()
         if gravity_compensation:
             _compensate_gravity(self._mjcf_root, 'shoulder_pan_link')
         self._joints = tuple(self._mjcf_root.find('joint', joint) for joint in ARM_JOINTS)
@@ -108,6 +132,14 @@ class FetchArm(base.RobotArm):
 
     def _add_base_joints(self) -> tuple[mjcf.Element, ...]:
         base_link = self._mjcf_root.find('body', 'base_link')
+        base_link.add(
+            'geom',
+            name='foot',
+            dclass=self._mjcf_root.find('default', 'collision'),
+            type='box',
+            size=_FOOT_HALF_SIZE,
+            pos=_FOOT_POSITION,
+        )
         sliders = tuple(
             base_link.add(
                 'joint',
@@ -130,6 +162,26 @@ class FetchArm(base.RobotArm):
         )
         return (*sliders, torso)
 
+    def _add_head_joints(self) -> tuple[mjcf.Element, ...]:
+        pan = self._mjcf_root.find('body', 'head_pan_link').add(
+            'joint', name='head_pan_joint', axis=(0, 0, 1), range=_HEAD_PAN_RANGE
+        )
+        tilt_link = self._mjcf_root.find('body', 'head_tilt_link')
+        _, down, _ = tilt_link.euler
+        tilt_link.euler = None
+        tilt = tilt_link.add(
+            'joint',
+            name='head_tilt_joint',
+            axis=(0, 1, 0),
+            range=_HEAD_TILT_RANGE,
+            ref=_HEAD_TILT_UPRIGHT,
+            damping=_HEAD_TILT_DAMPING,
+        )
+        # A level head's camera still looks down at the table.
+        camera = self._mjcf_root.find('camera', 'head_camera')
+        camera.xyaxes = (0, -1, 0, np.sin(down), 0, np.cos(down))
+        return pan, tilt
+
     @property
     def mjcf_model(self) -> mjcf.RootElement:
         return self._mjcf_root
@@ -143,6 +195,11 @@ class FetchArm(base.RobotArm):
     def base_joints(self) -> tuple[mjcf.Element, ...]:
         """The base's three sliders and the torso's lift; empty if the base is fixed."""
         return self._base_joints
+
+    @property
+    def head_joints(self) -> tuple[mjcf.Element, ...]:
+        """The head's pan and tilt; empty if the head is fixed."""
+        return self._head_joints
 
     @property
     def actuators(self) -> tuple[mjcf.Element, ...]:
@@ -191,7 +248,7 @@ class FetchGripper(base.RobotHand):
         self._mjcf_root = mjcf.from_path(_GRIPPER_XML)
         self._mjcf_root.model = name
         if exact_hulls:
-            _collide_with_hulls(self._mjcf_root, hulls.PALM, trunk=False)
+            _collide_with_hulls(self._mjcf_root, hulls.PALM, 'collision')
         self._joints: tuple[mjcf.Element, ...] = ()
         self._actuators: tuple[mjcf.Element, ...] = ()
         if finger_joints:

@@ -21,9 +21,13 @@ class Convention:
     Attributes:
         name: As passed to `load`.
         damped_base: Whether base and torso slide on joints of immense damping, or are fixed.
+        moving_head: Whether the head pans and tilts on damped joints and can be touched by the
+            arm, or is fixed.
         gravity_compensation: Whether the arm carries its own weight.
         exact_hulls: Whether links collide with hulls of Gymnasium-Robotics' shapes, or
             with primitives.
+        massless_frames: Whether the frames in which entities are attached weigh nothing, which
+            is right, or 1e-5 kg, which is Composer's default.
         islands: Whether MuJoCo solves independent sets of constraints apart, which pays in larger
             scenes and is its default. It changes positions by less than 1e-9 m.
         rigid_lock: Whether a locked gripper is rigid. If not, its fingers are free to slide
@@ -40,8 +44,10 @@ class Convention:
 
     name: str
     damped_base: bool
+    moving_head: bool
     gravity_compensation: bool
     exact_hulls: bool
+    massless_frames: bool
     islands: bool
     rigid_lock: bool
     settled_start: bool
@@ -54,8 +60,10 @@ class Convention:
 DOCUMENTED = Convention(
     name='documented',
     damped_base=False,
+    moving_head=False,
     gravity_compensation=True,
     exact_hulls=False,
+    massless_frames=False,
     islands=False,
     rigid_lock=True,
     settled_start=False,
@@ -68,8 +76,10 @@ DOCUMENTED = Convention(
 GYMNASIUM_ROBOTICS = Convention(
     name='gymnasium_robotics',
     damped_base=True,
+    moving_head=True,
     gravity_compensation=False,
     exact_hulls=True,
+    massless_frames=True,
     islands=True,
     rigid_lock=False,
     settled_start=True,

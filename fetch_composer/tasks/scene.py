@@ -76,7 +76,7 @@ class Scene:
 
         Args:
             workspace: Where things are.
-            convention: Decides on the base, gravity compensation and the locked gripper.
+            convention: Decides on the base, the head, gravity compensation and the locked gripper.
             block: The object, or None.
             locked_gripper: Whether the gripper stays closed.
         """
@@ -84,8 +84,12 @@ class Scene:
         self.arena = entities.Arena()
         if not convention.islands:
             self.arena.mjcf_model.option.flag.island = 'disable'
+        if convention.massless_frames:
+            compiler = self.arena.mjcf_model.compiler
+            compiler.boundmass = compiler.boundinertia = 0
         self.arm = entities.FetchArm(
             damped_base=convention.damped_base,
+            moving_head=convention.moving_head,
             gravity_compensation=convention.gravity_compensation,
             exact_hulls=convention.exact_hulls,
         )

@@ -14,7 +14,7 @@ class SettledState:
 
     Attributes:
         grip_position: (3,) position in m of the grip site, around which it samples.
-        qpos: {joint: position} of base, torso, arm and fingers, in m or rad.
+        qpos: {joint: position} of base, torso, head, arm and fingers, in m or rad.
         qvel: {joint: velocity} of the same, in m/s or rad/s.
         object_height: Height of the object's centre in m, or None without an object.
         object_qpos: (7,) pose of the object: position in m and quaternion.

@@ -224,7 +224,9 @@ class EpisodeStarts:
         """Returns the state in which Gymnasium-Robotics has settled."""
         scene, model, addresses = self._scene, self._physics.model.ptr, self._addresses
         qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
-        for joint in (*scene.arm.base_joints, *scene.arm.joints, *scene.gripper.joints):
+        arm = scene.arm
+        joints = (*arm.base_joints, *arm.head_joints, *arm.joints, *scene.gripper.joints)
+        for joint in joints:
             index = model.joint(joint.full_identifier).id
             qpos[model.jnt_qposadr[index]] = settled.qpos[joint.name]
             qvel[model.jnt_dofadr[index]] = settled.qvel[joint.name]
