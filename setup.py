@@ -45,7 +45,13 @@ setuptools.setup(
     python_requires='>=3.10',
     packages=setuptools.find_packages(include=['fetch_composer', 'fetch_composer.*']),
     package_data={
-        'fetch_composer': ['py.typed', 'entities/*.xml', 'tasks/*.json', 'explorer/report/*.j2']
+        'fetch_composer': [
+            'py.typed',
+            'entities/*.xml',
+            'tasks/*.json',
+            'policies/trained/*.onnx',
+            'explorer/report/*.j2',
+        ]
     },
     install_requires=[
         'absl-py>=2.0',

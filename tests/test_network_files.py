@@ -11,7 +11,8 @@ import pytest
 import fetch_composer
 from fetch_composer import policies
 from fetch_composer.explorer.episodes import batch_rollout
-from fetch_composer.tasks import TaskOptions
+from fetch_composer.policies.files import trained
+from fetch_composer.tasks import TaskOptions, conventions
 from tests import networks
 
 _SIZES = {'observation': 25, 'achieved_goal': 3, 'desired_goal': 3}
@@ -118,6 +119,30 @@ def test_a_missing_onnxruntime_is_named_with_the_way_to_install_it(monkeypatch, 
     monkeypatch.setitem(sys.modules, 'onnxruntime', None)
     with pytest.raises(ValueError, match=r"pip install 'fetch_composer\[onnx\]'"):
         policies.load('policy.onnx', env)
+
+
+# -- Those that come with the package --------------------------------------------------------------
+
+
+def test_a_trained_policy_is_found_by_task_and_convention(tmp_path, env, monkeypatch):
+    monkeypatch.setattr(trained, '_FOLDER', tmp_path)
+    with pytest.raises(ValueError, match='for push_documented; there is none for any task'):
+        policies.load('trained', env)
+    networks.save_perceptron(str(tmp_path / 'push_gymnasium_robotics.onnx'), 28)
+    with pytest.raises(ValueError, match='push_documented; there is push_gymnasium_robotics'):
+        policies.load('trained', env)
+    networks.save_perceptron(str(tmp_path / 'push_documented.onnx'), 28)
+    assert policies.load('trained', env)(env.reset().observation).shape == (4,)
+    assert policies.digest('trained') is None
+
+
+@pytest.mark.parametrize('path', sorted(trained._FOLDER.glob('*.onnx')), ids=lambda each: each.stem)
+def test_each_trained_policy_fits_its_task(path):
+    pytest.importorskip('onnxruntime')
+    convention = next(each for each in conventions.CONVENTIONS if path.stem.endswith(f'_{each}'))
+    task = path.stem.removesuffix(f'_{convention}')
+    env = fetch_composer.load(task, seed=0, convention=convention)
+    env.action_spec().validate(policies.load('trained', env)(env.reset().observation))
 
 
 # -- Batches ---------------------------------------------------------------------------------------
