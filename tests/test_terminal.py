@@ -1,5 +1,6 @@
 """What a run prints: within 80 columns, with one bar in a terminal, and few lines elsewhere."""
 
+import contextlib
 import io
 import os
 import pathlib
@@ -24,7 +25,7 @@ _LONG = 'a_folder_with_a_long_name/' * 4 + 'policy'
 def _show(file):
     with progress.Progress(file) as bar:
         for unit in ('step', 'frame'):
-            bar.start(unit, 1000, 100)
+            bar.start(_LONG, unit, 1000, 100)
             bar.label(_LONG)
             for _ in range(3):
                 bar.advance(300)
@@ -37,7 +38,10 @@ def test_a_terminal_shows_one_bar(monkeypatch):
     fcntl.ioctl(writer, termios.TIOCSWINSZ, struct.pack('HHHH', 24, _COLUMNS, 0, 0))
     with os.fdopen(writer, 'w') as file:
         _show(file)
-        written = os.read(reader, 10_000).decode()
+    written = ''
+    with contextlib.suppress(OSError):  # Which says that no more follows.
+        while part := os.read(reader, 10_000).decode():
+            written += part
     os.close(reader)
     assert '\n' not in written  # It is drawn over itself, and over at the end.
     drawn = written.split('\r')
@@ -45,16 +49,16 @@ def test_a_terminal_shows_one_bar(monkeypatch):
     assert any('1000/1000' in each and 'frame' in each for each in drawn)
 
 
-def test_elsewhere_there_is_a_line_every_some_seconds(monkeypatch):
+@pytest.mark.parametrize(('seconds', 'count'), [(10, 4), (0, 10)])
+def test_elsewhere_there_is_a_line_every_some_seconds(monkeypatch, seconds, count):
+    monkeypatch.setattr(progress, '_SECONDS_BETWEEN_LINES', seconds)
     file = io.StringIO()
-    _show(file)
-    assert file.getvalue() == ''
-    monkeypatch.setattr(progress, '_SECONDS_BETWEEN_LINES', 0)
     _show(file)
     assert '\r' not in file.getvalue()
     lines = file.getvalue().splitlines()
     assert max(map(len, lines)) <= _COLUMNS
-    assert all(re.search(r'\d+%\|.*/1000 ', line) for line in lines)
+    assert all(re.search(r'policy: +\d+%\|.*/1000 ', line) for line in lines)
+    assert 4 <= len(lines) <= count  # The first and the last of each part, whatever the seconds.
 
 
 def test_few_lines_and_no_returns_are_written_to_a_file(tmp_path):

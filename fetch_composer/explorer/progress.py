@@ -28,26 +28,27 @@ class Progress:
             self._options |= {'mininterval': _SECONDS_BETWEEN_REDRAWS, 'leave': False}
         else:
             self._options |= {'file': _Lines(file), 'ncols': _COLUMNS, 'ascii': True}
-            for name in ('mininterval', 'maxinterval', 'delay'):
+            for name in ('mininterval', 'maxinterval'):
                 self._options[name] = _SECONDS_BETWEEN_LINES
 
-    def start(self, unit: str, total: int, done: int) -> None:
+    def start(self, label: str, unit: str, total: int, done: int) -> None:
         """Begins a part.
 
         Args:
+            label: What is being done.
             unit: What it is counted in.
             total: How many there are.
             done: How many were done before.
         """
         self.close()
-        self._bar = tqdm.tqdm(total=total, initial=done, unit=unit, **self._options)
+        self._bar = tqdm.tqdm(
+            desc=_shortened(label), total=total, initial=done, unit=unit, **self._options
+        )
 
     def label(self, text: str) -> None:
-        """Says what is being done."""
+        """Says what is being done now."""
         assert self._bar is not None
-        if len(text) > _LONGEST_LABEL:
-            text = f'...{text[3 - _LONGEST_LABEL :]}'
-        self._bar.set_description(text, refresh=False)
+        self._bar.set_description(_shortened(text), refresh=False)
 
     def advance(self, count: int) -> None:
         """Adds to what is done."""
@@ -65,6 +66,10 @@ class Progress:
 
     def __exit__(self, *unused_exception) -> None:
         self.close()
+
+
+def _shortened(label: str) -> str:
+    return label if len(label) <= _LONGEST_LABEL else f'...{label[3 - _LONGEST_LABEL :]}'
 
 
 class _Lines:

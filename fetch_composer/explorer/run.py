@@ -136,7 +136,7 @@ class Run:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
         total = len(self.candidates) * options.episodes
-        bar.start('step', total * options.steps, self.finished * options.steps)
+        bar.start(options.policy[0], 'step', total * options.steps, self.finished * options.steps)
 
         def advance(steps: int) -> None:
             on_progress()
@@ -191,8 +191,7 @@ class Run:
         self, drawer: drawing.Drawer, bar: progress.Progress, on_progress: Callable[[], None]
     ) -> None:
         chosen, frames = self._chosen(), self.options.steps + 1
-        bar.start('frame', len(self.candidates) * len(chosen) * frames, 0)
-        bar.label('films')
+        bar.start('films', 'frame', len(self.candidates) * len(chosen) * frames, 0)
 
         def advance(step: int) -> None:
             del step  # Unused.

@@ -77,6 +77,7 @@ class Drawer:
             gl_backend: Name of the OpenGL backend, as MUJOCO_GL takes it.
         """
         self.look = look
+        self._is_filming = False
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
             [sys.executable, '-c', _COMMAND],
@@ -100,11 +101,13 @@ class Drawer:
             OSError: if the film cannot be written.
             DrawingError: if the process has ended.
         """
+        self._is_filming = True
         self._send((folder, episode))
         while (answer := self._receive()) is not None:
             if isinstance(answer, Exception):
                 raise answer
             on_progress(answer)
+        self._is_filming = False
         taken = film.kept(folder, episode)
         assert taken is not None
         return taken
@@ -133,6 +136,8 @@ class Drawer:
 
     def close(self) -> None:
         """Ends the process; a film that is being taken is dropped."""
+        if not self._is_filming:
+            self._process.kill()  # It would end by itself, but only once it has started.
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
             with contextlib.suppress(BrokenPipeError):
