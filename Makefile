@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore test test-only test-clients check format gallery build bench parity clean peers gl
+.PHONY: help explore learn curves test test-only test-clients check format gallery build bench parity clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -47,6 +47,12 @@ format: $(VENV)/.test  ## Mend what the linter can mend, and format the code.
 gallery: $(VENV)/.explore gl  ## Make the animations of the experts in docs; a minute.
 	$(BIN)/python docs/make_gallery.py
 
+learn: $(VENV)/.learn  ## Learn Push from nothing; about five minutes.
+	$(BIN)/python -m fetch_composer.learning --task push --output_dir output/learn_push
+
+curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.md; most of a day.
+	$(BIN)/python docs/make_curves.py
+
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
 	rm -rf build dist
 	$(BIN)/python -m build --outdir dist . >/dev/null
@@ -80,6 +86,10 @@ $(BIN)/python:
 
 $(VENV)/.explore: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[explore]'
+	@touch $@
+
+$(VENV)/.learn: $(BIN)/python setup.py
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[learn]'
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py

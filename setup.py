@@ -33,6 +33,7 @@ MINARI = [
     'pillow>=10',
     *GYMNASIUM,
 ]
+LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *EXPLORE]
 TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
@@ -49,8 +50,9 @@ setuptools.setup(
             'py.typed',
             'entities/*.xml',
             'tasks/*.json',
-            'policies/trained/*.onnx',
             'explorer/report/*.j2',
+            'policies/trained/*.json',
+            'policies/trained/*.onnx',
         ]
     },
     install_requires=[
@@ -64,11 +66,12 @@ setuptools.setup(
         'gymnasium': GYMNASIUM,
         'explore': EXPLORE,
         'acme': ACME,
+        'learn': LEARN,
         'onnx': ONNX,
         'sb3': SB3,
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,
         'minari': MINARI + EXPLORE,
-        'test': TEST + GYMNASIUM + EXPLORE + ACME + RAY + MINARI,
+        'test': TEST + GYMNASIUM + EXPLORE + LEARN + ACME + RAY + MINARI,
     },
 )

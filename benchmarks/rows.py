@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from benchmarks.meters import OWN, RAY, MemoryPerEnvironment, Meter, WholeProcess, Worker
-from fetch_composer.batch import num_processors
+from fetch_composer.simulations import num_processors
 
 GYMNASIUM_ROBOTICS = 'gymnasium_robotics'
 ENVPOOL = 'envpool'

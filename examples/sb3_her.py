@@ -2,7 +2,7 @@
 
 pip install -e '.[sb3]'
 python examples/sb3_her.py
-python examples/sb3_her.py --env fetch_composer/FetchPush-v2 --steps 600000
+python examples/sb3_her.py --env fetch_composer/FetchPush-v2 --steps 1000000 --num_envs 64
 """
 
 import argparse

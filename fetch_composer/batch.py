@@ -1,7 +1,6 @@
 """Many environments of one task, advanced together on native threads."""
 
 import dataclasses
-import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,13 +13,6 @@ from fetch_composer import simulations, tasks
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 from fetch_composer.tasks.state import State
-
-
-def num_processors() -> int:
-    """Returns how many processors this process may use."""
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class BatchEnvironment:
@@ -56,7 +48,7 @@ class BatchEnvironment:
         """
         self._num_envs = checks.integer('num_envs', num_envs, 1)
         if num_threads is None:
-            num_threads = min(num_processors(), self._num_envs)
+            num_threads = min(simulations.num_processors(), self._num_envs)
         self._num_threads = checks.integer('num_threads', num_threads, 1)
         if self._num_threads > self._num_envs:
             raise ValueError(
@@ -86,6 +78,7 @@ class BatchEnvironment:
             )
         self.seed(seed)
         self._identity, self._variations = task_made.identity, task_made.variations
+        self._varies = bool(self._variations)
         self._goals = np.zeros((self._num_envs, 3))
         self._drawn: list[Mapping[str, np.ndarray]] = [{}] * self._num_envs
         # For their next episodes; only a state of a single environment brings any.
@@ -166,11 +159,19 @@ class BatchEnvironment:
         return self._time_step(np.zeros(self._num_envs, dtype=bool))
 
     def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
-        drawn = [
-            self._starts.draw(self._random_states[i], each)
-            for i, each in zip(ids, given, strict=True)
-        ]
-        self._simulations.start(ids, drawn)
+        self._reset_next_step[ids] = True  # Until the episodes have started.
+        generators = [self._random_states[i].get_state() for i in ids] if self._varies else []
+        try:
+            drawn = [
+                self._starts.draw(self._random_states[i], each)
+                for i, each in zip(ids, given, strict=True)
+            ]
+            self._simulations.start(ids, drawn)
+        except BaseException:
+            # What was refused has drawn nothing.
+            for i, generator in zip(ids, generators, strict=False):
+                self._random_states[i].set_state(generator)
+            raise
         for i, start in zip(ids, drawn, strict=True):
             self._goals[i] = start.goal
             self._drawn[i], self._given[i] = start.variations, starts.Start()
@@ -249,7 +250,8 @@ class BatchEnvironment:
 
         Raises:
             ValueError: if an action is not valid; no environment has moved.
-            PhysicsError: if the physics of an environment diverges; the message names which.
+            PhysicsError: if the physics of an environment diverges; the message names which. In
+                the next step it starts anew, and the others go on.
         """
         self._check_open()
         actions = drive.clip(actions, (self._num_envs,))
@@ -274,6 +276,9 @@ class BatchEnvironment:
             self._reset_next_step = self._steps_taken >= limit
             self._step_type[self._reset_next_step] = dm_env.StepType.LAST
         if diverged.size:
+            # They start anew with the next step, while the others go on.
+            self._reset_next_step[diverged] = True
+            self._step_type[diverged] = dm_env.StepType.LAST
             raise control.PhysicsError(f'Physics diverged in environments {diverged.tolist()}.')
 
     def _time_step(self, advanced: np.ndarray) -> dm_env.TimeStep:

@@ -4,6 +4,7 @@ Both start, advance and are observed alike; a single one does without what threa
 """
 
 import functools
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
@@ -16,6 +17,13 @@ from fetch_composer import tasks
 from fetch_composer.tasks import drive, observation
 from fetch_composer.tasks.starts import Start
 from fetch_composer.tasks.state import State, get_physics, set_physics
+
+
+def num_processors() -> int:
+    """Returns how many processors this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class Simulations(Protocol):
@@ -62,6 +70,7 @@ class ManySimulations:
             count: How many simulations.
             threads: How many threads share them.
         """
+        self._process = os.getpid()
         model = physics.model.ptr
         self._sims = sims = mujoco.batch.Batch(model, count, nthread=threads)
         self._starts, self._variations = task.starts, task.variations
@@ -83,11 +92,19 @@ class ManySimulations:
 
     def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
         """Puts starts in place; `ids` are in order."""
+        self._check_process()
         states = [self._starts.state(start) for start in starts]
         self._vary(ids, [start.variations for start in starts])
         for i, state in zip(ids, states, strict=True):
             self._drive.place(state, i)
         self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def _check_process(self) -> None:
+        if self._process != os.getpid():
+            raise RuntimeError(
+                'The threads of a batch do not survive a fork. Make the batch in the process that '
+                "uses it, or start processes with multiprocessing's 'spawn'."
+            )
 
     def _vary(self, ids: np.ndarray, values: Sequence[Mapping[str, np.ndarray]]) -> None:
         """Writes what was drawn, and resets the simulations."""
@@ -104,6 +121,7 @@ class ManySimulations:
 
     def set(self, ids: np.ndarray, states: Sequence[State]) -> None:
         """Restores physics and variations of some; `ids` are in order."""
+        self._check_process()
         self._vary(ids, [state.variations for state in states])
         for i, state in zip(ids, states, strict=True):
             self._sims.state[i] = state.physics
@@ -113,6 +131,7 @@ class ManySimulations:
 
     def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
         """Advances some by a control step; returns the ids of those that have diverged."""
+        self._check_process()
         rows: Any = ... if ids is None else ids
         self._drive.act(actions, rows)
         if self._drive.loose_fingers:

@@ -1,5 +1,8 @@
 """The native batch against as many single environments."""
 
+import subprocess
+import sys
+
 import dm_env
 import numpy as np
 import pytest
@@ -138,8 +141,20 @@ def test_divergence_names_the_environment():
     batch = fetch_composer.BatchEnvironment('push', 3, seed=0)
     batch.reset()
     batch._simulations._sims.bind('qvel')[2] = 1e12
+    singles = [fetch_composer.load('push', seed=i) for i in range(3)]
+    for single in singles:
+        single.reset()
+    actions = episodes.uniform_actions(5, batch_shape=(3,))
     with pytest.raises(control.PhysicsError, match=r'\[2\]'):
-        batch.step(np.zeros((3, 4), np.float32))
+        batch.step(actions[0])
+    for single, action in zip(singles[:2], actions[0], strict=False):
+        single.step(action)
+    # The others have moved on, and it starts its next episode.
+    expected = [singles[0].step(actions[1, 0]), singles[1].step(actions[1, 1]), singles[2].reset()]
+    _assert_rows_equal(batch.step(actions[1]), expected)
+    for action in actions[2:]:
+        expected = [single.step(a) for single, a in zip(singles, action, strict=True)]
+        _assert_rows_equal(batch.step(action), expected)
 
 
 def test_it_says_what_it_is_a_batch_of():
@@ -190,3 +205,50 @@ def test_after_close_every_call_says_that_it_is_closed():
     for call in batch.reset, lambda: batch.step(np.zeros((2, 4), np.float32)):
         with pytest.raises(RuntimeError, match='closed'):
             call()
+
+
+def test_a_refused_reset_has_drawn_nothing_and_leaves_nothing_to_step():
+    refuse = [False]
+
+    def mass(initial_value=None, current_value=None, random_state=None):
+        drawn = random_state.uniform(1, 2)
+        return -1.0 if refuse[0] and drawn > 1.5 else drawn
+
+    kwargs = {'seed': 0, 'variations': {'object_mass': mass}}
+    batch, reference = (fetch_composer.BatchEnvironment('push', 6, **kwargs) for _ in range(2))
+    batch.reset()
+    reference.reset()
+    refuse[0] = True
+    for call in batch.reset, lambda: batch.step(np.zeros((6, 4), np.float32)):
+        with pytest.raises(ValueError, match='must be positive'):
+            call()
+    refuse[0] = False
+    again, expected = batch.reset(), reference.reset()
+    for name, value in expected.observation.items():
+        np.testing.assert_array_equal(value, again.observation[name])
+
+
+_FORK = """
+import os, sys
+import numpy as np
+import fetch_composer
+batch = fetch_composer.BatchEnvironment('push', 4, num_threads=2, seed=0)
+batch.reset()
+child = os.fork()
+if child == 0:
+    try:
+        batch.step(np.zeros((4, 4), np.float32))
+    except RuntimeError as error:
+        print(error, flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+print(batch.step(np.zeros((4, 4), np.float32)).step_type)
+"""
+
+
+def test_a_batch_in_a_forked_process_says_what_to_do():
+    result = subprocess.run(
+        [sys.executable, '-c', _FORK], capture_output=True, text=True, timeout=60
+    )
+    assert 'do not survive a fork' in result.stdout and "'spawn'" in result.stdout
+    assert result.stdout.endswith('[1 1 1 1]\n'), result.stderr

@@ -154,6 +154,19 @@ def test_the_threshold_is_five_centimetres():
     np.testing.assert_array_equal(fetch_composer.compute_reward(achieved, goals), [0, -1, -1])
 
 
+def test_compute_reward_counts_in_float64_whatever_it_is_given():
+    near, far = np.uint8([[1, 2, 3]]), np.uint8([[3, 2, 1]])
+    dense = fetch_composer.compute_reward(near, far, 'dense')
+    assert dense.dtype == np.float64
+    np.testing.assert_allclose(dense, -np.sqrt(8))
+
+
+@pytest.mark.parametrize('goal', [(1.0, 2.0), 1.0, np.zeros((3, 2))])
+def test_compute_reward_refuses_goals_of_other_sizes(goal):
+    with pytest.raises(ValueError, match=r'desired_goal must be of shape \(..., 3\)'):
+        fetch_composer.compute_reward(np.zeros(3), goal)
+
+
 def test_compute_reward_takes_any_batch_shape():
     achieved = np.random.default_rng(0).normal(size=(4, 5, 3))
     goals = np.zeros((4, 5, 3))

@@ -41,7 +41,7 @@ def test_gymnasiums_checker_is_content(env_id):
     env_checker.check_env(env.unwrapped, skip_render_check=True)
 
 
-def test_spaces_are_the_peers(env_id):
+def test_spaces_are_those_of_gymnasium_robotics(env_id):
     env = gym.make(env_id)
     size = 10 if 'Reach' in env_id else 25
     assert env.action_space == spaces.Box(-1.0, 1.0, (4,), np.float32)

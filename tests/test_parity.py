@@ -65,7 +65,7 @@ def test_the_joints_are_those_of_gymnasium_robotics(task_name, recorded):
 
 
 def test_seeking_actions_lead_where_they_lead_in_gymnasium_robotics(task_name, recorded):
-    """A quantile: a difference of 1e-6 rad in one joint moves the peer's block centimetres."""
+    """A quantile: a difference of 1e-6 rad in one joint moves its own block by centimetres."""
     seeking = np.flatnonzero(recorded['seed'] % 2 == 1)
     errors, equal_rewards = [], []
     for episode in seeking:

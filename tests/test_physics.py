@@ -73,7 +73,7 @@ def test_the_arm_reaches_its_commanded_place_without_shaking(task_name):
 
 
 def test_each_axis_of_the_action_moves_its_own_axis(task_name, convention):
-    # Upwards, since the peer's Push and Slide start pressed onto the table.
+    # Upwards, since Push and Slide of Gymnasium-Robotics start pressed onto the table.
     for axis in range(3):
         env = fetch_composer.load(task_name, seed=0, convention=convention)
         env.reset()

@@ -167,3 +167,38 @@ def test_what_a_task_lacks_cannot_vary():
         fetch_composer.load(
             'push', convention='gymnasium_robotics', variations={'gripper_offset': (0, 0, 0)}
         )
+
+
+@pytest.mark.parametrize('name', ['push', 'pick_and_place'])
+def test_no_object_starts_within_the_gripper(name):
+    variations = {
+        'object_size': distributions.Uniform((0.02, 0.02, 0.015), (0.035, 0.035, 0.03)),
+        'gripper_offset': distributions.Uniform((-0.08,) * 3, (0.08,) * 3),
+    }
+    env = fetch_composer.load(name, seed=0, variations=variations)
+    for _ in range(300):
+        env.reset()
+        model, data = env.physics.model.ptr, env.physics.data.ptr
+        for contact in data.contact:
+            names = {model.geom(contact.geom1).name, model.geom(contact.geom2).name}
+            assert 'table/table' in names or contact.dist > -1e-4, names
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        ({'variations': {'gripper_offset': (0, 0, -0.15)}}, 'starts the fingers in the table'),
+        ({'variations': {'object_color': (5, -3, 0)}}, r'RGB or RGBA in \[0, 1\]'),
+        (
+            {
+                'variations': {'gripper_offset': (0, 0, -0.08)},
+                'object_position': (1.34, 0.75),
+            },
+            'is where the gripper starts',
+        ),
+    ],
+)
+def test_starts_that_cannot_be_are_refused(options, message):
+    env = fetch_composer.load('push', seed=0, **options)
+    with pytest.raises(ValueError, match=message):
+        env.reset()

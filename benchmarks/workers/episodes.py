@@ -1,4 +1,4 @@
-"""Episodes of Push as `explore.py` runs them, on this process's threads or over Ray."""
+"""Episodes of Push as the explorer runs them, on this process's threads or over Ray."""
 
 import atexit
 import contextlib

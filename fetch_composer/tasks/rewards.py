@@ -13,7 +13,15 @@ DISTANCE_THRESHOLD = 0.05  # m
 
 
 def goal_distance(achieved_goal, desired_goal) -> np.ndarray:
-    """Returns the Euclidean distance in m, shape (...,), of goals of shape (..., 3)."""
+    """Returns the Euclidean distance in m, float64 of shape (...,), of goals of shape (..., 3).
+
+    Raises:
+        ValueError: if the goals are not of three numbers each.
+    """
+    for name, goal in (('achieved_goal', achieved_goal), ('desired_goal', desired_goal)):
+        shape = np.shape(goal)
+        if not shape or shape[-1] != 3:
+            raise ValueError(f'{name} must be of shape (..., 3), got {shape}.')
     offset = np.subtract(achieved_goal, desired_goal, dtype=np.float64)
     x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
     return np.sqrt(x * x + y * y + z * z)  # In the order in which `distance_of_one` adds.
@@ -48,7 +56,8 @@ def compute_reward(achieved_goal, desired_goal, reward_type: str = 'sparse') -> 
             minus the distance in m.
 
     Raises:
-        ValueError: if `reward_type` is not one of `REWARD_TYPES`.
+        ValueError: if `reward_type` is not one of `REWARD_TYPES`, or goals are not of three numbers
+            each.
     """
     checks.one_of('reward_type', reward_type, REWARD_TYPES)
     distance = goal_distance(achieved_goal, desired_goal)

@@ -22,7 +22,11 @@ _TOLERANCE = 1e-12  # Of the inverse kinematics, in m and rad.
 _MAX_ERROR = 1e-5  # m
 
 _FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
-_GRIPPER_CLEARANCE = 0.1  # m, from a gripper as low as the object.
+# An object's rim is at least so far, in m, from the axis of a gripper that is as low as it is.
+_GRIPPER_REACH = 0.0646
+_MAX_REJECTIONS = 1000
+
+_NOTHING: Mapping[str, np.ndarray] = {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,26 +108,40 @@ class EpisodeStarts:
         Raises:
             ValueError: if a place cannot be.
         """
-        block = self._scene.block
         if object_position is not None:
-            if block is None:
+            if self._scene.block is None:
                 raise ValueError('object_position was given, but this task has no object.')
             object_position = self._workspace.check_object_position(object_position)
-            self._check_clearance(object_position, 2 * block.half_height)
+            if not self._has_place(object_position):
+                raise ValueError(self._no_place(object_position))
         if goal is not None:
             goal = self._workspace.check_goal(goal)
         return Start(object_position, goal)
 
-    def _check_clearance(self, object_position: np.ndarray, height: float) -> None:
-        """Raises `ValueError` if an object there would be where a low gripper starts."""
-        fingertips = self._grip_start[2] - _FINGERTIP_DEPTH
-        distance = np.linalg.norm(object_position - self._grip_start[:2])
-        if fingertips < self._workspace.table_top + height and distance < _GRIPPER_CLEARANCE:
-            raise ValueError(
-                f'object_position {object_position.tolist()} is where the gripper starts: it must '
-                f'be at least {_GRIPPER_CLEARANCE} m from '
-                f'{self._grip_start[:2].round(4).tolist()}.'
-            )
+    def _has_place(
+        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
+    ) -> bool:
+        """Returns whether an object there is clear of where the gripper starts.
+
+        Args:
+            object_position: (2,) x and y in m.
+            values: What was drawn for the episode; nothing for the usual object and start.
+        """
+        radius, height = self._variations.radius_and_height(values)
+        grip = self._grip_start + values.get('gripper_offset', 0.0)
+        is_low = grip[2] - _FINGERTIP_DEPTH < self._workspace.table_top + height
+        distance = np.linalg.norm(object_position - grip[:2])
+        return bool(not is_low or distance >= radius + _GRIPPER_REACH)
+
+    def _no_place(
+        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
+    ) -> str:
+        radius, _ = self._variations.radius_and_height(values)
+        grip = self._grip_start + values.get('gripper_offset', 0.0)
+        return (
+            f'object_position {object_position.tolist()} is where the gripper starts: it must be '
+            f'at least {radius + _GRIPPER_REACH:.3f} m from {grip[:2].round(4).tolist()}.'
+        )
 
     def draw(
         self,
@@ -137,6 +155,9 @@ class EpisodeStarts:
         Args:
             random_state: What to draw from.
             given: Places that override the task's own and the drawn ones.
+
+        Raises:
+            ValueError: if a variation draws what cannot be, or no place is left for the object.
         """
         sampler = self._object_sampler
         drawn = Start(
@@ -144,11 +165,40 @@ class EpisodeStarts:
             self._goal_sampler(random_state=random_state),
         )
         sources = (given, self._every_episode, drawn)
-        return Start(
+        start = Start(
             next((s.object_position for s in sources if s.object_position is not None), None),
             next(s.goal for s in sources if s.goal is not None),
             self._variations.draw(random_state),
         )
+        if not start.variations:
+            return start
+        self._check_above_table(start.variations)
+        return self._cleared(start, start.object_position is drawn.object_position, random_state)
+
+    def _check_above_table(self, values: Mapping[str, np.ndarray]) -> None:
+        offset = values.get('gripper_offset')
+        if offset is None:
+            return
+        fingertips = self._grip_start[2] + offset[2] - _FINGERTIP_DEPTH
+        if fingertips < self._workspace.table_top:
+            lowest = self._workspace.table_top - self._grip_start[2] + _FINGERTIP_DEPTH
+            raise ValueError(
+                f"'gripper_offset' drew {offset.tolist()}, which starts the fingers in the table: "
+                f'its z must be at least {lowest:.4f} m.'
+            )
+
+    def _cleared(self, start: Start, was_drawn: bool, random_state) -> Start:
+        """Returns a start whose object is clear of the gripper, drawing its place again if not."""
+        place = start.object_position
+        if place is None:
+            return start
+        for _ in range(_MAX_REJECTIONS):
+            if self._has_place(place, start.variations):
+                return dataclasses.replace(start, object_position=place)
+            if not was_drawn or self._object_sampler is None:
+                break
+            place = self._object_sampler(random_state=random_state)
+        raise ValueError(self._no_place(place, start.variations))
 
     def compile(self, physics: mjcf.Physics, addresses: Addresses) -> None:
         """Finds the state that episodes have in common.

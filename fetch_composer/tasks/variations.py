@@ -81,6 +81,11 @@ class Variations:
         """
         self._given = dict(given or {})
         self._scene = scene
+        if scene.block is not None:
+            geom = scene.block.geom
+            self._object_type = getattr(mujoco.mjtGeom, f'mjGEOM_{geom.type.upper()}')
+            self._size: np.ndarray = np.zeros(3)
+            self._size[: len(geom.size)] = geom.size
         for name in self._given:
             if name not in DESCRIPTIONS:
                 raise ValueError(f'Unknown variation {name!r}; valid are {", ".join(NAMES)}.')
@@ -139,6 +144,8 @@ class Variations:
                 raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
             if name in _POSITIVE and (value <= 0).any():
                 raise ValueError(f'{name!r} drew {value.tolist()}, but it must be positive.')
+            if name == 'object_color' and ((value < 0) | (value > 1)).any():
+                raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
             drawn[name] = value.reshape(-1)
         return drawn
 
@@ -157,11 +164,9 @@ class Variations:
         self._table = physics.bind(self._scene.table.geom).element_id
         if self._scene.block is not None:
             self._object = physics.bind(self._scene.block.geom).element_id
-            self._object_type = model.geom_type[self._object]
             self._object_body = model.geom_bodyid[self._object]
             self._bounding_volume = model.body_bvhadr[self._object_body]
             self._material = model.geom_matid[self._object]
-            self._size = model.geom_size[self._object].copy()
             self._mass = float(model.body_mass[self._object_body])
 
     def raised(self, values: Mapping[str, np.ndarray]) -> float:
@@ -169,6 +174,12 @@ class Variations:
         if 'object_size' not in values:
             return 0.0
         return float(self._half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
+
+    def radius_and_height(self, values: Mapping[str, np.ndarray]) -> tuple[float, float]:
+        """Returns radius of the smallest upright cylinder around the object, and height, in m."""
+        x, y, z = self._half_extents(values).tolist()
+        is_box = self._object_type == mujoco.mjtGeom.mjGEOM_BOX
+        return (float(np.hypot(x, y)) if is_box else x), 2 * z
 
     def _object_size(self, values) -> np.ndarray:
         size, drawn = self._size.copy(), values.get('object_size')

@@ -23,7 +23,7 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
-from fetch_composer import batch, policies, user_modules
+from fetch_composer import policies, simulations, user_modules
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.episodes.episode import Episode
 
@@ -95,7 +95,7 @@ def cluster(address: str) -> Iterator[Callable[..., 'RayRollout']]:
                 )
             )
             options.update(
-                num_cpus=batch.num_processors(),
+                num_cpus=simulations.num_processors(),
                 include_dashboard=False,
                 object_store_memory=_LOCAL_STORE_BYTES,
                 _node_ip_address=_LOOPBACK,

@@ -1,0 +1,189 @@
+"""Learns every task with several seeds, and writes the curves and figures of docs/learning.md.
+
+`python docs/make_curves.py` (`make curves`) takes most of a day. Stopped, it goes on where it
+was: runs that are finished are not made again, unless settings have changed. With `--draw` it
+learns nothing and only writes what is there.
+"""
+
+import argparse
+import dataclasses
+import pathlib
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import figure
+
+from fetch_composer import policies
+from fetch_composer.explorer import files
+from fetch_composer.explorer.pictures import style
+from fetch_composer.learning import curve, settings
+
+_DOCS = pathlib.Path(__file__).parent
+_DATA = _DOCS / 'curves'
+_PAGE = _DOCS / 'learning.md'
+_POLICIES = pathlib.Path(policies.__file__).parent / 'trained'
+_MARKS = '<!-- {} by make_curves.py. -->\n', '<!-- End of {}. -->\n'
+
+_TASKS = ('reach', 'push', 'pick_and_place', 'slide')
+_COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
+_SOLVED = 0.95
+_GRID = 200  # Places at which the curves of several seeds are compared.
+
+_parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+_parser.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2])
+_parser.add_argument('--runs', type=pathlib.Path, default='output/curves', help='their folder')
+_parser.add_argument('--draw', action='store_true', help='learn nothing')
+
+
+def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
+    """Makes the runs that are not finished, and keeps the curve and the figures of each."""
+    for seed in seeds:
+        for task in _TASKS:
+            for convention in _COLOURS:
+                name = f'{task}_{convention}_seed{seed}'
+                if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task):
+                    continue
+                print(name, flush=True)
+                command = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
+                flags = [f'--convention={convention}', f'--seed={seed}']
+                subprocess.run([*command, *flags, f'--output_dir={runs / name}'], check=True)
+                keep(runs / name, name)
+
+
+def _has_usual_settings(summary: dict, task: str) -> bool:
+    """Returns whether a finished run was made as `--task` alone makes it."""
+    usual = dataclasses.asdict(settings.for_task(task))
+    usual['hidden'] = list(usual['hidden'])
+    return summary.get('settings') == usual
+
+
+def keep(run: pathlib.Path, name: str) -> None:
+    """Copies curve and figures of a finished run to where the page is made from."""
+    shutil.copyfile(run / 'curve.csv', _DATA / f'{name}.csv')
+    shutil.copyfile(run / 'summary.json', _DATA / f'{name}.json')
+
+
+def _finished(task: str, convention: str) -> list[tuple[dict, list[curve.Point]]]:
+    """Returns summary and curve of each finished run, in the order of their seeds."""
+    paths = _DATA.glob(f'{task}_{convention}_seed*.json')
+    runs = [(files.load_json(path), curve.load(path.with_suffix('.csv'))) for path in paths]
+    return sorted(runs, key=lambda run: run[0]['seed'])
+
+
+def _draw() -> None:
+    """Draws success against control steps and against minutes; a row for each task."""
+    canvas = figure.Figure(figsize=(9, 2.6 * len(_TASKS)), dpi=110, layout='constrained')
+    rows = canvas.subplots(len(_TASKS), 2, sharey=True)
+    for task, axes_of_row in zip(_TASKS, rows, strict=True):
+        for axes, place in zip(axes_of_row, ('environment_steps', 'minutes'), strict=True):
+            for convention, colour in _COLOURS.items():
+                curves = [points for _, points in _finished(task, convention)]
+                if curves:
+                    _draw_curves(axes, curves, place, colour, f'{convention} ({len(curves)})')
+            curve.decorate(axes, place.replace('_', ' '))
+        axes_of_row[0].set_ylabel(task)
+        if axes_of_row[1].lines:
+            axes_of_row[1].legend(loc='lower right', edgecolor='none', fontsize=8)
+    with files.whole_file(_DOCS / 'learning.png') as partial:
+        canvas.savefig(partial, facecolor=style.PAPER)
+
+
+def _draw_curves(axes, curves, place: str, colour: str, label: str) -> None:
+    """Draws the median of several seeds and, as a band, their range."""
+    ends = [getattr(points[-1], place) for points in curves]
+    places = np.linspace(0, min(ends), _GRID)
+    lines = [
+        np.interp(
+            places,
+            [0, *(getattr(point, place) for point in points)],
+            [0, *(point.success for point in points)],
+        )
+        for points in curves
+    ]
+    axes.plot(places, np.median(lines, axis=0), color=colour, label=label)
+    axes.fill_between(places, np.min(lines, axis=0), np.max(lines, axis=0), color=colour, alpha=0.2)
+
+
+def _table() -> str:
+    """Returns a row of figures for each task and convention, and a line for each run."""
+    rows = [
+        f'| task | convention | seeds | {_SOLVED:.0%} after steps | after minutes | at the end | '
+        'steps in all | minutes in all | of the processor |',
+        '|---|---|---|---|---|---|---|---|---|',
+    ]
+    for task in _TASKS:
+        for convention in _COLOURS:
+            runs = _finished(task, convention)
+            if not runs:
+                rows.append(f'| {task} | {convention} | 0 | | | | | | |')
+                continue
+            solved = [_first_solved(points) for _, points in runs]
+            summaries = [summary for summary, _ in runs]
+            others = sum(not _has_usual_settings(summary, task) for summary in summaries)
+            note = f', {others} with other settings' if others else ''
+            rows.append(
+                f'| {task} | {convention} | {len(runs)}{note} '
+                f'| {_spread([s and s.environment_steps for s in solved], "{:,.0f}")} '
+                f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
+                f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} '
+                f'| {_spread([s["environment_steps"] for s in summaries], "{:,.0f}")} '
+                f'| {_spread([s["minutes"] for s in summaries], "{:.1f}")} '
+                f'| {_spread([s["cpu_minutes"] for s in summaries], "{:.1f}")} |'
+            )
+    return '\n'.join(rows) + '\n'
+
+
+def _first_solved(points: Sequence[curve.Point]) -> curve.Point | None:
+    return next((point for point in points if point.success >= _SOLVED), None)
+
+
+def _spread(values: Sequence[float | None], form: str) -> str:
+    """Returns the median and, of several that differ, the range; `not` for one that is missing."""
+    ordered = sorted(np.inf if value is None else value for value in values)
+    shown = ['not' if np.isinf(value) else form.format(value) for value in ordered]
+    middle = shown[len(shown) // 2]
+    return middle if shown[0] == shown[-1] else f'{middle} ({shown[0]} to {shown[-1]})'
+
+
+def _policies() -> str:
+    """Returns a row for each policy that ships, from its card."""
+    rows = [
+        '| task | convention | success of 1,000 | interval | steps | minutes | how |',
+        '|---|---|---|---|---|---|---|',
+    ]
+    for task in _TASKS:
+        for convention in _COLOURS:
+            card = files.load_json(_POLICIES / f'{task}_{convention}.json')
+            if not card:
+                continue
+            low, high = card['success_interval']
+            rows.append(
+                f'| {task} | {convention} | {card["success_rate"]:.3f} | {low:.3f} to {high:.3f} '
+                f'| {card["environment_steps"]:,} | {card["minutes"]:.1f} '
+                f'| {card["method"].split(",")[0].split(" by ")[0]} |'
+            )
+    return '\n'.join(rows) + '\n'
+
+
+def _write(name: str, table: str) -> None:
+    """Puts a table between its marks of the page."""
+    begin, end = (mark.format(name) for mark in _MARKS)
+    before, _, rest = _PAGE.read_text(encoding='utf-8').partition(begin)
+    _, _, after = rest.partition(end)
+    files.save_text(_PAGE, f'{before}{begin}\n{table}\n{end}{after}')
+
+
+def main(args: argparse.Namespace) -> None:
+    _DATA.mkdir(exist_ok=True)
+    if not args.draw:
+        _learn(args.runs, args.seeds)
+    _draw()
+    _write('Figures', _table())
+    _write('Policies', _policies())
+
+
+if __name__ == '__main__':
+    main(_parser.parse_args())

@@ -1,0 +1,153 @@
+"""The networks: layers, what they see, and the policy that an actor is."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+# A network is a list of layers, a layer a dict of arrays.
+Network = list[dict[str, jax.Array]]
+
+ACTION_SIZE = 4
+GOAL_SIZE = 3
+LAYER_NORM_EPSILON = 1e-5
+FEATURE_LIMIT = 5.0  # Normalised features are clipped at this.
+_SMALLEST_DEVIATION = 2e-3  # What hardly varies is not blown up to 1.
+
+
+def achieved_goal(observation):
+    """Returns the (..., 3) part of (..., 25) or (..., 10) observations that a goal is about.
+
+    It is the object's position or, where there is no object, the gripper's.
+    """
+    start = achieved_goal_start(observation.shape[-1])
+    return observation[..., start : start + GOAL_SIZE]
+
+
+def achieved_goal_start(observation_size: int) -> int:
+    """Returns the index at which the achieved goal begins within an observation."""
+    return 0 if observation_size == 10 else 3
+
+
+def num_features(observation_size: int) -> int:
+    """Returns how many numbers the networks see."""
+    return observation_size + 2 * GOAL_SIZE
+
+
+def features(observation: ArrayLike, goal: ArrayLike) -> jax.Array:
+    """Returns (..., n) what the networks see: observation, goal, and the way that is left."""
+    observation, goal = jnp.asarray(observation), jnp.asarray(goal)
+    return jnp.concatenate([observation, goal, goal - achieved_goal(observation)], axis=-1)
+
+
+class Scale(NamedTuple):
+    """How features are normalised.
+
+    Attributes:
+        mean: (n,) mean of each.
+        inverse_deviation: (n,) one over the standard deviation of each.
+    """
+
+    mean: ArrayLike
+    inverse_deviation: ArrayLike
+
+    def normalize(self, observation: ArrayLike, goal: ArrayLike) -> jax.Array:
+        """Returns (..., n) normalised features."""
+        centred = features(observation, goal) - self.mean
+        return jnp.clip(centred * self.inverse_deviation, -FEATURE_LIMIT, FEATURE_LIMIT)
+
+
+class FeatureStatistics:
+    """Mean and standard deviation of the features of all episodes so far."""
+
+    def __init__(self, size: int) -> None:
+        """Initializes the statistics of `size` features."""
+        self.count = 0
+        self.sums = np.zeros((2, size))  # Of the features and of their squares.
+
+    def add(self, observations: np.ndarray, goals: np.ndarray) -> None:
+        """Adds (n, steps, size) observations of episodes with (n, 3) goals."""
+        goals = np.broadcast_to(goals[:, None], (*observations.shape[:2], GOAL_SIZE))
+        seen = np.asarray(features(observations, goals), np.float64)
+        seen = seen.reshape(-1, seen.shape[-1])
+        self.count += len(seen)
+        self.sums += seen.sum(0), np.square(seen).sum(0)
+
+    def scale(self) -> Scale:
+        """Returns the scale that makes features have mean 0 and deviation 1."""
+        mean, square = self.sums / max(self.count, 1)
+        deviation = np.sqrt(np.maximum(square - mean**2, 0))
+        inverse = 1 / np.maximum(deviation, _SMALLEST_DEVIATION)
+        return Scale(mean.astype(np.float32), inverse.astype(np.float32))
+
+
+def init(key: jax.Array, sizes: Sequence[int], last_gain: float) -> Network:
+    """Returns a new network.
+
+    Args:
+        key: Decides on the weights.
+        sizes: Units of each layer, from the input to the output.
+        last_gain: Scale of the last layer's weights; a small one begins with outputs near 0.
+    """
+    network = []
+    for i, (rows, columns) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+        key, own = jax.random.split(key)
+        is_last = i == len(sizes) - 2
+        gain = (last_gain if is_last else 1.5) / np.sqrt(rows)
+        layer = {
+            'weight': gain * jax.random.normal(own, (rows, columns)),
+            'bias': jnp.zeros(columns),
+        }
+        if not is_last:
+            layer |= {'norm_scale': jnp.ones(columns), 'norm_bias': jnp.zeros(columns)}
+        network.append(layer)
+    return network
+
+
+def apply(network: Network, x: jax.Array) -> jax.Array:
+    """Returns (..., outputs) of (..., inputs). Each hidden layer is normalised, then rectified."""
+    for layer in network[:-1]:
+        x = x @ layer['weight'] + layer['bias']
+        x = x - x.mean(-1, keepdims=True)
+        x = x * jax.lax.rsqrt(jnp.square(x).mean(-1, keepdims=True) + LAYER_NORM_EPSILON)
+        x = jax.nn.relu(x * layer['norm_scale'] + layer['norm_bias'])
+    return x @ network[-1]['weight'] + network[-1]['bias']
+
+
+def act(actor: Network, x: jax.Array) -> jax.Array:
+    """Returns (..., 4) actions in [-1, 1] for normalised features."""
+    return jnp.tanh(apply(actor, x))
+
+
+def value(critic: Network, x: jax.Array, action: ArrayLike) -> jax.Array:
+    """Returns (...,) the discounted return that a critic expects."""
+    return apply(critic, jnp.concatenate([x, jnp.asarray(action)], axis=-1))[..., 0]
+
+
+@jax.jit
+def _policy(actor: Network, scale: Scale, observation: ArrayLike, goal: ArrayLike) -> jax.Array:
+    return act(actor, scale.normalize(observation, goal))
+
+
+class Policy(NamedTuple):
+    """An actor and the scale of what it sees.
+
+    Attributes:
+        actor: The network.
+        scale: How its features are normalised.
+    """
+
+    actor: Network
+    scale: Scale
+
+    def act(self, observation: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Returns (n, 4) float32 actions.
+
+        Args:
+            observation: (n, size) float32 observations.
+            goal: (n, 3) float32 desired goals.
+        """
+        return np.asarray(_policy(self.actor, self.scale, observation, goal))

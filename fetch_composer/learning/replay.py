@@ -1,0 +1,163 @@
+"""Episodes that are kept, and transitions drawn from them whose goals are chosen in hindsight."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from fetch_composer.learning import networks
+from fetch_composer.learning.settings import Settings
+from fetch_composer.tasks import rewards
+
+_MOVED = 0.005  # m from its start, along an axis, after which an object counts as moved.
+_LIFTED = 0.04  # m above its start, after which it counts as lifted.
+
+
+class Episodes(NamedTuple):
+    """Episodes of equal length.
+
+    Attributes:
+        observations: (n, steps + 1, size) float32.
+        goals: (n, 3) float32 desired goals.
+        actions: (n, steps, 4) float32.
+    """
+
+    observations: np.ndarray
+    goals: np.ndarray
+    actions: np.ndarray
+
+    def is_success(self) -> np.ndarray:
+        """Returns (n,) whether each ends at its goal."""
+        achieved = networks.achieved_goal(self.observations[:, -1])
+        return rewards.is_success(achieved, self.goals)
+
+
+class Transitions(NamedTuple):
+    """What updates are made from; the leading dimensions are those that were asked for.
+
+    Attributes:
+        observation: (..., size) before the action.
+        action: (..., 4)
+        goal: (..., 3) the goal that the rewards are about.
+        reward: (...,) discounted sum of the rewards until `next_observation`.
+        next_observation: (..., size)
+        discount: (...,) weight of what is expected from `next_observation` on.
+    """
+
+    observation: np.ndarray
+    action: np.ndarray
+    goal: np.ndarray
+    reward: np.ndarray
+    next_observation: np.ndarray
+    discount: np.ndarray
+
+
+class HindsightReplay:
+    """The last episodes. A transition's goal is often one that its episode achieved later on.
+
+    However badly an episode goes, it shows how to achieve what it did achieve (Andrychowicz et
+    al., "Hindsight Experience Replay", 2017; here the strategy "future").
+    """
+
+    def __init__(self, settings: Settings, steps: int, observation_size: int) -> None:
+        """Initializes an empty buffer.
+
+        Args:
+            settings: How many episodes are kept, and how transitions are drawn.
+            steps: Control steps of an episode.
+            observation_size: Length of an observation.
+        """
+        capacity = settings.replay_episodes
+        self._settings = settings
+        self._steps = steps
+        self._episodes = Episodes(
+            np.zeros((capacity, steps + 1, observation_size), np.float32),
+            np.zeros((capacity, networks.GOAL_SIZE), np.float32),
+            np.zeros((capacity, steps, networks.ACTION_SIZE), np.float32),
+        )
+        self._moved = np.zeros(capacity, bool)
+        self._lifted = np.zeros(capacity, bool)
+        self._added = 0
+
+    def __len__(self) -> int:
+        return min(self._added, self._settings.replay_episodes)
+
+    def add(self, episodes: Episodes) -> None:
+        """Keeps episodes; the oldest make room."""
+        rows = (self._added + np.arange(len(episodes.goals))) % self._settings.replay_episodes
+        for kept, new in zip(self._episodes, episodes, strict=True):
+            kept[rows] = new
+        achieved = networks.achieved_goal(episodes.observations)
+        way = achieved - achieved[:, :1]
+        self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
+        self._lifted[rows] = way[..., 2].max(axis=1) > _LIFTED
+        self._added += len(rows)
+
+    def sample(self, generator: np.random.Generator, shape: tuple[int, ...]) -> Transitions:
+        """Returns transitions.
+
+        Args:
+            generator: Draws them.
+            shape: Leading dimensions of what is returned.
+        """
+        settings, steps = self._settings, self._steps
+        observations, goals, actions = self._episodes
+        count = int(np.prod(shape))
+        episode = self._sample_episodes(generator, count)
+        time = generator.integers(steps, size=count)
+
+        later = time + 1 + generator.integers(steps - time)
+        in_hindsight = generator.random(count) < settings.hindsight_share
+        achieved_later = networks.achieved_goal(observations[episode, later])
+        goal = np.where(in_hindsight[:, None], achieved_later, goals[episode])
+
+        span = np.minimum(settings.return_steps, steps - time)
+        reward = np.zeros(count, np.float32)
+        for i in range(settings.return_steps):
+            after = np.minimum(time + i + 1, steps)
+            achieved = networks.achieved_goal(observations[episode, after])
+            each = settings.discount**i * rewards.compute_reward(achieved, goal)
+            reward += np.where(i < span, each, 0).astype(np.float32)
+
+        drawn = Transitions(
+            observation=observations[episode, time],
+            action=actions[episode, time],
+            goal=goal,
+            reward=reward,
+            next_observation=observations[episode, time + span],
+            discount=(settings.discount**span).astype(np.float32),
+        )
+        return Transitions(*(each.reshape(*shape, *each.shape[1:]) for each in drawn))
+
+    def _sample_episodes(self, generator: np.random.Generator, count: int) -> np.ndarray:
+        """Returns (count,) rows; some are drawn from those that moved or lifted the object."""
+        size = len(self)
+        episode = generator.integers(size, size=count)
+        chance = generator.random(count)
+        begin = 0.0
+        for marked, share in (
+            (self._moved, self._settings.moved_share),
+            (self._lifted, self._settings.lifted_share),
+        ):
+            rows = np.flatnonzero(marked[:size])
+            chosen = (begin <= chance) & (chance < begin + share)
+            if share and len(rows):
+                episode[chosen] = rows[generator.integers(len(rows), size=int(chosen.sum()))]
+            begin += share
+        return episode
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Returns all that is kept, as arrays."""
+        size = len(self)
+        arrays = {name: kept[:size] for name, kept in self._episodes._asdict().items()}
+        marks = {'moved': self._moved[:size], 'lifted': self._lifted[:size]}
+        return {**arrays, **marks, 'added': np.array(self._added)}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Takes over what `state` returned."""
+        self._added = int(state['added'])
+        size = len(self)
+        for name, kept in self._episodes._asdict().items():
+            kept[:size] = state[name]
+        self._moved[:size] = state['moved']
+        self._lifted[:size] = state['lifted']

@@ -1,0 +1,186 @@
+"""Every number of the learner, and where tasks differ in them."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import fetch_composer
+
+# Seeds of environments. No episode of one range is ever met in another.
+TRAINING_SEEDS = range(500_000)
+TUNING_SEEDS = range(500_000, 1_000_000)  # For the curve, and for choosing settings.
+HELD_OUT_SEEDS = range(1_000_000, 1_001_000)  # Used once, when all is learned.
+
+_SHARES = (
+    'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',
+    'least_noise', 'relay_share',
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What decides on how a task is learned; together with a seed it fixes a run.
+
+    Attributes:
+        environment_steps: Control steps, all environments together, after which a run ends.
+        episode_steps: Control steps of an episode.
+        num_envs: Environments of the batch. One iteration is one episode of each, then updates.
+        random_iterations: Iterations at the beginning that act at random and update nothing.
+        updates_per_step: Updates of the critics for each control step.
+        batch_size: Transitions of an update.
+        hidden: Units of each hidden layer, in the actor and in both critics.
+        learning_rate: Step size of Adam.
+        final_learning_rate: What it falls to, in a straight line, over the second half of a run.
+        discount: Weight of a reward one control step later.
+        return_steps: Rewards that are summed up before the critics' own estimate takes over.
+        target_rate: Share by which target networks approach the networks in an update.
+        actor_delay: Updates of the critics for each one of the actor.
+        action_cost: Weight of the mean squared action in the actor's loss.
+        replay_episodes: Episodes that are kept.
+        hindsight_share: Share of transitions whose goal is replaced by one achieved later.
+        moved_share: Share of transitions that are taken from episodes that moved the object.
+        lifted_share: Share of transitions that are taken from episodes that lifted it.
+        noise: Standard deviation of what is added to an action while exploring.
+        uniform_share: Share of actions that are drawn uniformly while exploring.
+        least_noise: Share of `noise` and `uniform_share` in the first environment; it grows to
+            1 in the last.
+        relay_share: Share of exploring episodes that begin by reaching for the object.
+        relay_steps: Control steps for which Reach is learned before, for the relay.
+        relay_spread: They reach for a place up to this many m beside it.
+        evaluate_every: Iterations from one point of the curve to the next.
+        evaluation_episodes: Episodes of a point of the curve.
+    """
+
+    environment_steps: int = 400_000
+    episode_steps: int = 50
+    num_envs: int = 64
+    random_iterations: int = 8
+    updates_per_step: float = 0.5
+    batch_size: int = 256
+    hidden: tuple[int, ...] = (128, 128)
+    learning_rate: float = 1e-3
+    final_learning_rate: float = 1e-4
+    discount: float = 0.96
+    return_steps: int = 1
+    target_rate: float = 0.01
+    actor_delay: int = 2
+    action_cost: float = 0.05
+    replay_episodes: int = 20_000
+    hindsight_share: float = 0.8
+    moved_share: float = 0.5
+    lifted_share: float = 0.0
+    noise: float = 0.2
+    uniform_share: float = 0.3
+    least_noise: float = 1.0
+    relay_share: float = 0.5
+    relay_steps: int = 16_000
+    relay_spread: float = 0.06
+    evaluate_every: int = 5
+    evaluation_episodes: int = 128
+
+    def __post_init__(self) -> None:
+        """Raises `ValueError`, which says what is valid, if a number is out of range."""
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name in _SHARES:
+                if not 0 <= value <= 1:
+                    raise ValueError(f'{field.name} must be in [0, 1], got {value}.')
+            elif field.name == 'hidden':
+                if not value or min(value) < 1:
+                    raise ValueError(f'hidden must name at least one layer, got {value}.')
+            elif field.name in ('noise', 'action_cost', 'relay_spread', 'random_iterations'):
+                if not value >= 0:
+                    raise ValueError(f'{field.name} must not be negative, got {value}.')
+            elif not value > 0:
+                raise ValueError(f'{field.name} must be positive, got {value}.')
+        if not self.discount < 1:
+            raise ValueError(f'discount must be less than 1, got {self.discount}.')
+        if self.moved_share + self.lifted_share > 1:
+            raise ValueError('moved_share and lifted_share must not exceed 1 together.')
+
+
+# Where a task differs from the settings above, and why.
+_OF_TASK: dict[str, dict[str, Any]] = {
+    # Nothing has to be found or moved: a small network and a minute are enough.
+    'reach': {
+        'environment_steps': 64_000,
+        'updates_per_step': 0.25,
+        'hidden': (64, 64),
+        'random_iterations': 2,
+        'moved_share': 0.0,
+        'relay_share': 0.0,
+        'evaluate_every': 2,
+    },
+    'push': {},
+    # A grasp is a rare accident. The relay brings the open gripper right to the block, and what
+    # was lifted is rehearsed more often.
+    'pick_and_place': {
+        'environment_steps': 800_000,
+        'relay_spread': 0.02,
+        'lifted_share': 0.2,
+        'evaluate_every': 10,
+    },
+    # The puck glides for most of an episode, and what it does then was decided long before: rewards
+    # are summed over several steps, and weigh longer. Noise spoils a hit, and so some environments
+    # have next to none.
+    'slide': {
+        'environment_steps': 2_500_000,
+        'discount': 0.97,
+        'return_steps': 3,
+        'least_noise': 0.0,
+        'evaluate_every': 20,
+    },
+}
+
+# As few control steps as possible, whatever the time.
+_FRUGAL: dict[str, Any] = {'updates_per_step': 4.0}
+
+
+def names() -> tuple[str, ...]:
+    """Returns the names of all settings."""
+    return tuple(field.name for field in dataclasses.fields(Settings))
+
+
+def for_task(task: str, frugal: bool = False, changes: Mapping[str, Any] | None = None) -> Settings:
+    """Returns the settings of a task.
+
+    Args:
+        task: One of `fetch_composer.ALL`; a task of one's own has the settings of Push.
+        frugal: Whether to save control steps rather than time.
+        changes: Settings to change, by name.
+
+    Raises:
+        ValueError: if there is no such task or setting, or a number is out of range; the message
+            says what is valid.
+    """
+    if task not in fetch_composer.ALL:
+        raise ValueError(f'Unknown task {task!r}; valid are {", ".join(fetch_composer.ALL)}.')
+    changes = dict(changes or {})
+    unknown = sorted(set(changes) - set(names()))
+    if unknown:
+        raise ValueError(
+            f'Unknown setting {", ".join(map(repr, unknown))}; valid are {", ".join(names())}.'
+        )
+    chosen = _OF_TASK.get(task, {}) | (_FRUGAL if frugal else {}) | changes
+    return Settings(**chosen)
+
+
+def parse(text: str) -> tuple[str, Any]:
+    """Returns name and value of a setting that is written as NAME=VALUE.
+
+    Raises:
+        ValueError: if it is not written so, or there is no such setting.
+    """
+    name, separator, value = text.partition('=')
+    if not separator:
+        raise ValueError(f'A setting is written as NAME=VALUE, got {text!r}.')
+    if name not in names():
+        raise ValueError(f'Unknown setting {name!r}; valid are {", ".join(names())}.')
+    default = getattr(Settings(), name)
+    try:
+        if isinstance(default, tuple):
+            return name, tuple(int(each) for each in value.split(','))
+        return name, type(default)(value)
+    except ValueError:
+        kind = 'integers with commas' if isinstance(default, tuple) else type(default).__name__
+        raise ValueError(f'{name} must be {kind}, got {value!r}.') from None

@@ -1,0 +1,335 @@
+"""What holds of the learner: hindsight, continuing, files, and messages."""
+
+import dataclasses
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+for _package in ('jax', 'optax', 'onnx', 'onnxruntime'):
+    pytest.importorskip(_package, reason="needs pip install 'fetch_composer[learn]'")
+
+import onnxruntime  # noqa: E402
+
+import fetch_composer  # noqa: E402
+from fetch_composer import policies  # noqa: E402
+from fetch_composer.learning import __main__ as command  # noqa: E402
+from fetch_composer.learning import curve, networks, replay, settings, train  # noqa: E402
+
+_ROOT = pathlib.Path(__file__).parent.parent
+# Eight episodes an iteration, and networks that learn little: enough to go through all of it.
+_TINY = {
+    'num_envs': 8,
+    'environment_steps': 4 * 8 * 50,
+    'random_iterations': 2,
+    'updates_per_step': 0.1,
+    'batch_size': 32,
+    'hidden': (16, 16),
+    'relay_steps': 3_200,
+    'evaluate_every': 1,
+    'evaluation_episodes': 8,
+}
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _few_episodes_at_the_end():
+    """The thousand held-out episodes would take longer than all else."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settings, 'HELD_OUT_SEEDS', range(1_000_000, 1_000_016))
+        yield
+
+
+@pytest.fixture(scope='module')
+def pushed(tmp_path_factory):
+    """A run of Push, with its relay, that nothing interrupted: folder, run and summary."""
+    folder = tmp_path_factory.mktemp('pushed')
+    return folder, *_run(_options(folder, 'push'))
+
+
+@pytest.fixture(scope='module')
+def reached(tmp_path_factory):
+    """The same of Reach."""
+    folder = tmp_path_factory.mktemp('reached')
+    return folder, *_run(_options(folder))
+
+
+def _options(folder, task='reach', **changes):
+    return train.Options(
+        task=task,
+        convention='documented',
+        seed=3,
+        settings=settings.for_task(task, changes=_TINY | changes),
+        minutes=None,
+        output_dir=folder,
+    )
+
+
+def _run(options, on_progress=None):
+    run = train.Run(options, on_progress)
+    try:
+        return run, run.run()
+    finally:
+        run.close()
+
+
+def _episodes(number=6, steps=50, seed=0):
+    """Returns episodes in which the object goes for a random walk, in every other one."""
+    draw = np.random.default_rng(seed)
+    observations = draw.normal(size=(number, steps + 1, 25)).astype(np.float32)
+    observations[..., 3:6] = np.cumsum(0.01 * observations[..., 3:6], axis=1)
+    observations[::2, :, 3:6] = observations[::2, :1, 3:6]
+    goals = 0.1 * draw.normal(size=(number, 3)).astype(np.float32)
+    actions = draw.uniform(-1, 1, (number, steps, 4)).astype(np.float32)
+    return replay.Episodes(observations, goals, actions)
+
+
+def _buffer(episodes, **changes):
+    chosen = dataclasses.replace(settings.for_task('push'), **changes)
+    buffer = replay.HindsightReplay(chosen, episodes.actions.shape[1], 25)
+    buffer.add(episodes)
+    return buffer
+
+
+def test_every_reward_is_what_the_environment_gives_for_the_goal():
+    drawn = _buffer(_episodes()).sample(np.random.default_rng(1), (40, 50))
+    achieved = drawn.next_observation[..., 3:6]
+    np.testing.assert_array_equal(drawn.reward, fetch_composer.compute_reward(achieved, drawn.goal))
+    assert 0 < np.mean(drawn.reward == 0) < 1
+    assert drawn.action.shape == (40, 50, 4)
+    np.testing.assert_allclose(drawn.discount, settings.for_task('push').discount)
+
+
+def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():
+    episodes = _episodes()
+    buffer = _buffer(episodes, hindsight_share=1.0, moved_share=0.0)
+    drawn = buffer.sample(np.random.default_rng(1), (300,))
+    for observation, goal in zip(drawn.observation, drawn.goal, strict=True):
+        (episode,), (time,) = np.nonzero((episodes.observations == observation).all(-1))
+        later = episodes.observations[episode, time + 1 :, 3:6]
+        assert (later == goal).all(-1).any()
+
+
+def test_without_hindsight_goals_are_the_episodes_own():
+    episodes = _episodes()
+    drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))
+    assert {tuple(goal) for goal in drawn.goal} <= {tuple(goal) for goal in episodes.goals}
+
+
+def test_rewards_of_several_steps_are_discounted_and_end_with_the_episode():
+    episodes = _episodes(number=1, steps=5)
+    buffer = _buffer(episodes, return_steps=3, hindsight_share=0.0, discount=0.5)
+    drawn = buffer.sample(np.random.default_rng(1), (100,))
+    rewards = fetch_composer.compute_reward(episodes.observations[0, 1:, 3:6], episodes.goals[0])
+    for i in range(100):
+        (time,) = np.nonzero((episodes.observations[0] == drawn.observation[i]).all(-1))[0]
+        span = min(3, 5 - time)
+        assert drawn.reward[i] == rewards[time : time + span] @ 0.5 ** np.arange(span)
+        assert drawn.discount[i] == 0.5**span
+        np.testing.assert_array_equal(
+            drawn.next_observation[i], episodes.observations[0, time + span]
+        )
+
+
+def test_the_share_from_episodes_that_moved_the_object_is_kept():
+    episodes = _episodes(number=20)
+    for share in (0.0, 0.8):
+        buffer = _buffer(episodes, moved_share=share, hindsight_share=0.0)
+        drawn = buffer.sample(np.random.default_rng(1), (4000,))
+        moved = {tuple(goal) for goal in episodes.goals[1::2]}
+        found = np.mean([tuple(goal) in moved for goal in drawn.goal])
+        assert abs(found - (share + (1 - share) / 2)) < 0.03
+
+
+def test_new_episodes_take_the_place_of_the_oldest():
+    first, second = _episodes(seed=0), _episodes(seed=1)
+    buffer = _buffer(first, replay_episodes=6, hindsight_share=0.0)
+    buffer.add(second)
+    drawn = buffer.sample(np.random.default_rng(1), (200,))
+    assert len(buffer) == 6
+    assert {tuple(goal) for goal in drawn.goal} == {tuple(goal) for goal in second.goals}
+
+
+def test_reach_is_learned_within_a_few_thousand_steps(tmp_path):
+    shorter = {
+        'environment_steps': 9_600,
+        'num_envs': 32,
+        'updates_per_step': 0.25,
+        'hidden': (64, 64),
+        'batch_size': 256,
+        'evaluate_every': 3,
+        'evaluation_episodes': 32,
+    }
+    points = []
+    _, summary = _run(_options(tmp_path, **shorter), points.append)
+    assert points[-1].success > 0.8
+    assert summary['success_rate'] > 0.8
+    assert summary['environment_steps'] == 9_600
+    assert curve.load(tmp_path / 'curve.csv')[-1].success == points[-1].success
+    assert (tmp_path / 'curve.png').stat().st_size > 0
+    assert json.loads((tmp_path / 'summary.json').read_text()) == summary
+
+    with fetch_composer.load('reach', seed=1_000_000) as env:
+        policy = policies.load(str(tmp_path / 'policy.onnx'), env)
+        time_step = env.reset()
+        policy.reset()
+        while not time_step.last():
+            time_step = env.step(policy(time_step.observation))
+    assert time_step.reward == 0
+
+
+def test_an_exported_policy_acts_as_the_network_does(pushed):
+    folder, run, _ = pushed
+    session = onnxruntime.InferenceSession(folder / 'policy.onnx')
+    shapes = {each.name: each.shape for each in (*session.get_inputs(), *session.get_outputs())}
+    assert shapes == {
+        'observation': ['batch', 25],
+        'desired_goal': ['batch', 3],
+        'action': ['batch', 4],
+    }
+    draw = np.random.default_rng(0)
+    for rows in (1, 7):
+        observation = draw.normal(1, 0.5, (rows, 25)).astype(np.float32)
+        goal = draw.normal(1, 0.5, (rows, 3)).astype(np.float32)
+        (action,) = session.run(None, {'observation': observation, 'desired_goal': goal})
+        np.testing.assert_allclose(action, run.policy.act(observation, goal), atol=1e-5)
+    with pytest.raises(ValueError, match='25'), fetch_composer.load('reach') as env:
+        policies.load(str(folder / 'policy.onnx'), env)
+
+
+def test_a_run_that_is_stopped_continues_as_if_it_had_not_been(tmp_path, pushed):
+    whole, _, expected = pushed
+
+    points = []
+
+    def stop_after_two_points(point):
+        points.append(point)
+        if len(points) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _run(_options(tmp_path, 'push'), stop_after_two_points)
+    run, summary = _run(_options(tmp_path, 'push'))
+    assert run.is_continued
+    timeless = [
+        {name: value for name, value in each.items() if 'minutes' not in name}
+        for each in (expected, summary)
+    ]
+    assert timeless[0] == timeless[1]
+    assert (whole / 'policy.onnx').read_bytes() == (tmp_path / 'policy.onnx').read_bytes()
+
+
+def test_a_kill_leaves_a_checkpoint_that_can_be_read(tmp_path):
+    flags = [f'--set={name}={_text(value)}' for name, value in _TINY.items()]
+    flags = [*flags, '--set=environment_steps=10000000', f'--output_dir={tmp_path}', '--task=reach']
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'fetch_composer.learning', *flags],
+        cwd=_ROOT,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, 'OMP_NUM_THREADS': '1'},
+    )
+    deadline = time.monotonic() + 60
+    while not (tmp_path / 'checkpoint.npz').exists():
+        assert time.monotonic() < deadline and process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    options = dataclasses.replace(
+        _options(tmp_path, environment_steps=10_000_000), seed=0, minutes=1e-6
+    )
+    run, summary = _run(options)
+    assert run.is_continued and len(run.points) >= 1
+    assert summary['environment_steps'] >= run.points[-1].environment_steps
+
+
+def _text(value):
+    return ','.join(map(str, value)) if isinstance(value, tuple) else value
+
+
+def test_time_may_end_a_run_and_more_time_continues_it(tmp_path):
+    options = _options(tmp_path)
+    _, summary = _run(dataclasses.replace(options, minutes=1e-6))
+    assert summary['environment_steps'] == 0
+    _, summary = _run(options)
+    assert summary['environment_steps'] == _TINY['environment_steps']
+
+
+def test_networks_that_diverge_leave_the_last_good_checkpoint(tmp_path):
+    run = train.Run(_options(tmp_path, environment_steps=10_000_000))
+    while len(run.points) < 1:
+        run._trainer.iterate()
+        run._add_point()
+    good = (tmp_path / 'checkpoint.npz').read_bytes()
+    weights = run._trainer._learner.critics[0][0]
+    weights['weight'] = weights['weight'] * np.nan
+    with pytest.raises(train.DivergedError, match='learning_rate'):
+        run.run()
+    run.close()
+    assert (tmp_path / 'checkpoint.npz').read_bytes() == good
+
+
+def test_a_seed_fixes_a_run_and_another_differs(tmp_path, reached):
+    again, _ = _run(_options(tmp_path / 'again'))
+    other, _ = _run(dataclasses.replace(_options(tmp_path / 'other'), seed=4))
+    weights, same, different = (
+        np.concatenate([np.ravel(leaf) for layer in run.policy.actor for leaf in layer.values()])
+        for run in (reached[1], again, other)
+    )
+    np.testing.assert_array_equal(weights, same)
+    assert not np.allclose(weights, different)
+
+
+@pytest.mark.parametrize(
+    ('flags', 'message'),
+    [
+        (['--task=poke'], "Unknown task 'poke'; valid are pick_and_place, push, reach, slide"),
+        (['--convention=other'], 'valid are documented, gymnasium_robotics'),
+        (['--set=speed=2'], "Unknown setting 'speed'; valid are environment_steps, "),
+        (['--set=hidden=wide'], 'hidden must be integers with commas'),
+        (['--set=discount=1.5'], 'discount must be less than 1, got 1.5'),
+        (['--set=moved_share=2'], 'moved_share must be in [0, 1], got 2.0'),
+        (['--seed=-1'], 'seed must be a non-negative integer, got -1'),
+        (['--minutes=0'], 'minutes must be positive, got 0'),
+    ],
+)
+def test_bad_flags_are_answered_with_what_is_valid(tmp_path, capsys, flags, message):
+    assert command.main([*flags, f'--output_dir={tmp_path / "run"}']) == 1
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / 'run').exists()
+
+
+def test_a_folder_of_another_run_is_left_alone(reached):
+    folder = reached[0]
+    files = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(ValueError, match='noise: there 0.2, here 0.1'):
+        train.Run(_options(folder, noise=0.1))
+    with pytest.raises(ValueError, match='seed: there 3, here 4'):
+        train.Run(dataclasses.replace(_options(folder), seed=4))
+    assert files == {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_file_that_is_no_checkpoint_is_named(tmp_path):
+    (tmp_path / 'checkpoint.npz').write_bytes(b'not one')
+    with pytest.raises(ValueError, match='checkpoint.npz cannot be read'):
+        train.Run(_options(tmp_path))
+
+
+def test_training_tuning_and_judging_share_no_episode():
+    ranges = (settings.TRAINING_SEEDS, settings.TUNING_SEEDS, range(1_000_000, 1_001_000))
+    ends = [(each.start, each.stop) for each in ranges]
+    assert all(one[1] <= other[0] for one, other in zip(ends, ends[1:], strict=False))
+
+
+def test_features_are_normalised():
+    episodes = _episodes(number=50)
+    statistics = networks.FeatureStatistics(networks.num_features(25))
+    statistics.add(episodes.observations, episodes.goals)
+    goals = np.broadcast_to(episodes.goals[:, None], (50, 51, 3))
+    seen = np.asarray(statistics.scale().normalize(episodes.observations, goals))
+    np.testing.assert_allclose(seen.mean((0, 1)), 0, atol=0.02)
+    np.testing.assert_allclose(seen.std((0, 1)), 1, atol=0.02)
