@@ -30,6 +30,7 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	.venv-clients-acme/bin/python $(CLIENT_TEST)/test_acme.py
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
+	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3_explorer.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
@@ -96,7 +97,7 @@ $(VENV)/.test: $(BIN)/python setup.py
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
-.venv-clients-torch/.installed: EXTRA = [sb3,torchrl]
+.venv-clients-torch/.installed: EXTRA = [explore,sb3,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
 .venv-clients-minari/.installed: EXTRA = [minari]
 .venv-clients-%/.installed: setup.py

@@ -7,11 +7,23 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.1']
-EXPLORE = ['imageio[ffmpeg]>=2.31', 'jinja2>=3.1', 'matplotlib>=3.7', 'scipy>=1.10', 'tqdm>=4.60']
+ONNX = ['onnxruntime>=1.17']
+EXPLORE = [
+    'imageio[ffmpeg]>=2.31',
+    'jinja2>=3.1',
+    'matplotlib>=3.7',
+    'scipy>=1.10',
+    'tqdm>=4.60',
+    *ONNX,
+]
 # Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.
 ACME = ['dm-acme==0.2.4']
-ONNX = ['onnxruntime>=1.17']
-SB3 = ['stable-baselines3>=2.9.2,<2.10', 'matplotlib>=3.7', *GYMNASIUM]
+SB3 = [
+    'stable-baselines3>=2.9.2,<2.10',
+    'sb3-contrib>=2.9.2,<2.10',
+    'matplotlib>=3.7',
+    *GYMNASIUM,
+]
 TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
 RAY = ['ray>=2.60,<2.61']
 # Pillow and h5py are not among Minari's own requirements, and it has none for Python 3.10.
@@ -21,7 +33,7 @@ MINARI = [
     'pillow>=10',
     *GYMNASIUM,
 ]
-LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *ONNX, *EXPLORE]
+LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *EXPLORE]
 TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(

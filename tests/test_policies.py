@@ -46,7 +46,7 @@ def test_push_expert_leaves_a_block_alone_that_starts_at_the_goal(convention):
     np.testing.assert_allclose(time_step.observation['achieved_goal'][:2], place, atol=1e-3)
 
 
-@pytest.mark.parametrize('name', policies.ALL)
+@pytest.mark.parametrize('name', [name for name in policies.ALL if name != 'trained'])
 def test_every_task_has_each_policy_whose_actions_fit_and_leave_the_observation_alone(
     task_name, name
 ):

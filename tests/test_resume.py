@@ -211,18 +211,18 @@ def test_a_film_that_is_there_is_not_taken_again(tmp_path):
 
     env = fetch_composer.load('push', max_episode_steps=4)
     episode = episodes.record(env, 'random', 5)
-    films = film.Films(tmp_path / 'films', env, Camera(), 25)
-    assert films.kept(episode) is None
+    folder, camera = tmp_path / 'films', Camera()
+    assert film.kept(folder, episode) is None
 
     def interrupt(step):
         if step == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        films.take(episode, interrupt)
-    assert films.kept(episode) is None
-    taken = films.take(episode, lambda step: None)
-    kept = films.kept(episode)
+        film.take(folder, episode, env, camera, 25, interrupt)
+    assert film.kept(folder, episode) is None
+    taken = film.take(folder, episode, env, camera, 25, lambda step: None)
+    kept = film.kept(folder, episode)
     assert kept.path == taken.path and taken.path.stat().st_size > 0
     assert len(kept.thumbnails) == len(taken.thumbnails) == 5
     for one, other in zip(kept.thumbnails, taken.thumbnails, strict=True):

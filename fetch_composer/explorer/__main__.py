@@ -21,6 +21,7 @@ if typing.TYPE_CHECKING:
     from fetch_composer.explorer.results import writing
 
 _SIGNALLED = 128  # Plus the signal's number: what a shell reports of a stopped process.
+_COLUMNS = 80
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -90,9 +91,22 @@ def _report(run: 'run_lib.Run', written: Sequence['writing.Written']) -> None:
         print('The same command continues.')
     print('\n'.join(run.results))
     print(f'Open, in {run.options.folder}:')
-    for each in written:
-        names = each.names[0] if len(each.names) == 1 else f'{each.names[0]} ... {each.names[-1]}'
-        print(f'  {names:<36} {each.content}')
+    print('\n'.join(_listed(written)))
+
+
+def _listed(written: Sequence['writing.Written']) -> list[str]:
+    """Returns lines that list files: beside each what is in it, or below where that is too wide."""
+    names = [
+        each.names[0] if len(each.names) == 1 else f'{each.names[0]} ... {each.names[-1]}'
+        for each in written
+    ]
+    contents = [each.content for each in written]
+    column = max(map(len, names)) + 2
+    if 2 + column + max(map(len, contents)) <= _COLUMNS:
+        return [
+            f'  {name:<{column}}{content}' for name, content in zip(names, contents, strict=True)
+        ]
+    return [f'  {name}\n      {content}' for name, content in zip(names, contents, strict=True)]
 
 
 def _program() -> str:

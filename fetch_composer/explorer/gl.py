@@ -1,7 +1,8 @@
 """Which OpenGL backend takes the pictures.
 
-dm_control reads MUJOCO_GL once, when it is imported, so that a backend has to be found before.
-This module imports nothing of the package: `explore.py` runs it by its path. In
+They are drawn in a process of their own (see `pictures.drawing`), and this one loads no OpenGL.
+dm_control reads MUJOCO_GL and loads a backend when it is imported, so that it is told before. This
+module imports nothing of the package: `explore.py` runs it by its path. In
 `python -m fetch_composer.explorer` the package comes first, and the process starts again.
 """
 
@@ -25,24 +26,25 @@ physics.free()
 """
 _PROBE_SECONDS = 60
 _ADVICE = (
-    'For pictures, install one: `apt-get install libegl1 libgl1-mesa-dri` (EGL) or '
-    '`apt-get install libosmesa6` (OSMesa).'
+    'For pictures, install one:\n'
+    '  `apt-get install libegl1 libgl1-mesa-dri` (EGL) or\n'
+    '  `apt-get install libosmesa6` (OSMesa).'
 )
 
 
 def choose() -> bool:
-    """Sets MUJOCO_GL to a backend that works, or explains why none does and disables pictures.
+    """Finds a backend that works, or explains why none does, and keeps OpenGL out of this process.
 
     Returns:
-        Whether the variable has changed, so that a process that has imported dm_control must
-        start again.
+        Whether MUJOCO_GL has changed, so that a process that has imported dm_control must start
+        again.
     """
     before = os.environ.get(_VARIABLE)
-    if before is not None and os.environ.get(_FOUND_VARIABLE) == before:
+    if before == _DISABLED and _FOUND_VARIABLE in os.environ:
         return False
-    found = _find() or _DISABLED
-    os.environ[_VARIABLE] = os.environ[_FOUND_VARIABLE] = found
-    return found != before
+    os.environ[_FOUND_VARIABLE] = _find() or _DISABLED
+    os.environ[_VARIABLE] = _DISABLED
+    return before != _DISABLED
 
 
 def chosen() -> str | None:

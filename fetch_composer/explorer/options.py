@@ -25,8 +25,8 @@ class Options:
 
     Attributes:
         task: Name of the task, such as push, or one that an imported module registers.
-        policy: Who acts: expert, random, zero, PATH.onnx, PATH.zip of Stable-Baselines3, or
-            module:function. Several are compared on the same seeds.
+        policy: Who acts: expert, random, zero, trained, PATH.onnx, PATH.zip of Stable-Baselines3,
+            or module:function. Several are compared on the same seeds.
         task_options: Options of the task.
         episodes: Number of episodes of each policy.
         seed: Seed of the first episode; each has the next one.

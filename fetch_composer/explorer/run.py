@@ -8,13 +8,11 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import tqdm
-
 from fetch_composer import policies, suite, user_modules
-from fetch_composer.explorer import files, flags, signals
+from fetch_composer.explorer import files, flags, progress, signals
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
-from fetch_composer.explorer.pictures import film
+from fetch_composer.explorer.pictures import drawing, film
 from fetch_composer.explorer.report import page
 from fetch_composer.explorer.results import compare, store, summary, titles, writing
 from fetch_composer.explorer.results.candidate import Candidate
@@ -32,7 +30,7 @@ class Run:
 
         Args:
             options: What to run.
-            gl_backend: Name of the OpenGL backend in use, or None to take no pictures.
+            gl_backend: Name of the OpenGL backend to use, or None to take no pictures.
             fresh: Whether to discard an unfinished run in the folder rather than to continue it.
 
         Raises:
@@ -58,20 +56,14 @@ class Run:
             )
             for number, each in enumerate(of_episodes, start=1)
         ]
-        self._camera = camera.Camera(
-            self._env.physics,
-            options.camera,
-            options.height,
-            options.width,
-            options.supersampling,
-        )
+        camera.check_name(self._env.physics, options.camera)
         files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, self._identity(), fresh)
         self.stopped_by: signal.Signals | None = None
         self.continued = 0
 
     def close(self) -> None:
-        """Frees the simulation and its OpenGL context, and lets go of the folder."""
+        """Frees the simulation, and lets go of the folder."""
         self._store.close()
         self._env.close()
 
@@ -97,6 +89,7 @@ class Run:
         Raises:
             PolicyError: if a policy fails.
             ReplayError: if a film does not show what happened.
+            DrawingError: if films cannot be taken.
         """
         started = time.perf_counter()
         with signals.noted() as noted:
@@ -105,9 +98,12 @@ class Run:
                 if noted:
                     raise signals.Stopped
 
-            with contextlib.suppress(signals.Stopped):
-                self._run_episodes(on_progress)
-                self._take_films(on_progress)
+            with contextlib.suppress(signals.Stopped), contextlib.ExitStack() as stack:
+                drawer = stack.enter_context(self._drawer())
+                bar = stack.enter_context(progress.Progress())
+                self._run_episodes(bar, on_progress)
+                if drawer is not None:
+                    self._take_films(drawer, bar, on_progress)
             # A signal that comes later finds nothing left to be stopped.
             self.stopped_by = noted[0] if noted and not self._is_complete else None
             if not self.finished:
@@ -124,37 +120,42 @@ class Run:
             each.films.keys() == set(self._chosen()) for each in self.candidates
         )
 
-    def _run_episodes(self, on_progress: Callable[[], None]) -> None:
+    def _drawer(self) -> contextlib.AbstractContextManager[drawing.Drawer | None]:
+        """Returns what takes the films; it gets ready while the episodes are run."""
+        options = self.options
+        if self._gl_backend is None or options.films == 'none':
+            return contextlib.nullcontext()
+        look = drawing.Look(
+            options.camera, options.width, options.height, options.supersampling, options.fps
+        )
+        return drawing.Drawer(options.of_episodes(''), look, self._gl_backend)
+
+    def _run_episodes(self, bar: progress.Progress, on_progress: Callable[[], None]) -> None:
         options = self.options
         for each in self.candidates:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
-        with tqdm.tqdm(
-            total=len(self.candidates) * options.episodes * options.steps,
-            initial=self.finished * options.steps,
-            unit='step',
-            dynamic_ncols=True,
-            mininterval=0.5,
-        ) as bar:
+        total = len(self.candidates) * options.episodes
+        bar.start(options.policy[0], 'step', total * options.steps, self.finished * options.steps)
 
-            def advance(episodes: int) -> None:
-                on_progress()
-                bar.update(episodes)
+        def advance(steps: int) -> None:
+            on_progress()
+            bar.advance(steps)
 
-            with self._rollouts(bar) as rollouts:
-                for each in self.candidates:
-                    bar.set_description(each.policy)
-                    self._run_candidate(each, rollouts, advance)
+        with self._rollouts(bar, is_needed=self.finished < total) as rollouts:
+            for each in self.candidates:
+                bar.label(each.policy)
+                self._run_candidate(each, rollouts, advance)
 
     @contextlib.contextmanager
-    def _rollouts(self, bar: tqdm.tqdm) -> Iterator[Callable[..., Any]]:
+    def _rollouts(self, bar: progress.Progress, is_needed: bool) -> Iterator[Callable[..., Any]]:
         """Gives what makes rollouts: here, or on a Ray cluster while that is needed."""
-        if self.options.ray is None or bar.n == bar.total:
+        if self.options.ray is None or not is_needed:
             yield batch_rollout.BatchRollout
             return
         from fetch_composer.explorer.episodes import ray_rollout
 
-        bar.set_description(f'Ray, {self.options.ray}')
+        bar.label(f'Ray, {self.options.ray}')
         with ray_rollout.cluster(self.options.ray) as rollouts:
             yield rollouts
 
@@ -186,34 +187,25 @@ class Run:
         distances = [[e.distance[-1] for e in each.episodes] for each in self.candidates]
         return film.choose(distances, self.options.films, self.options.num_films)
 
-    def _take_films(self, on_progress: Callable[[], None]) -> None:
-        options, chosen = self.options, self._chosen()
-        camera_name = options.camera.replace('/', '_')
-        size = f'{options.width}x{options.height}x{options.supersampling}'
-        look = f'{camera_name}_{size}_{options.fps}'
-        with tqdm.tqdm(
-            total=len(self.candidates) * len(chosen) * (options.steps + 1),
-            unit='frame',
-            desc='films',
-            dynamic_ncols=True,
-            mininterval=0.5,
-            disable=not chosen,
-        ) as bar:
+    def _take_films(
+        self, drawer: drawing.Drawer, bar: progress.Progress, on_progress: Callable[[], None]
+    ) -> None:
+        chosen, frames = self._chosen(), self.options.steps + 1
+        bar.start('films', 'frame', len(self.candidates) * len(chosen) * frames, 0)
 
-            def advance(step: int) -> None:
-                del step  # Unused.
-                on_progress()
-                bar.update()
+        def advance(step: int) -> None:
+            del step  # Unused.
+            on_progress()
+            bar.advance(1)
 
-            for each in self.candidates:
-                folder = self._store.folder(each.key, f'films_{look}')
-                films = film.Films(folder, self._env, self._camera, options.fps)
-                for index in chosen:
-                    episode = each.episodes[index]
-                    kept = films.kept(episode)
-                    if kept is not None:
-                        bar.update(options.steps + 1)
-                    each.films[index] = kept or films.take(episode, advance)
+        for each in self.candidates:
+            folder = self._store.folder(each.key, f'films_{drawer.look.name}')
+            for index in chosen:
+                episode = each.episodes[index]
+                kept = film.kept(folder, episode)
+                if kept is not None:
+                    bar.advance(frames)
+                each.films[index] = kept or drawer.take(folder, episode, advance)
 
     def _write(self, wall_seconds: float) -> list[writing.Written]:
         candidates = [each for each in self.candidates if each.episodes]

@@ -7,14 +7,21 @@ from collections.abc import Callable
 from typing import Any
 
 from fetch_composer.policies.experts import EXPERTS
-from fetch_composer.policies.files import code_policy, onnx_policy, sb3_policy
-from fetch_composer.policies.protocol import ActionError, Policy, PolicyContext, check_action
+from fetch_composer.policies.files import code_policy, onnx_policy, sb3_policy, trained
+from fetch_composer.policies.protocol import (
+    ActionError,
+    BatchPolicy,
+    Policy,
+    PolicyContext,
+    check_action,
+)
 from fetch_composer.policies.uniform import UniformPolicy
 from fetch_composer.policies.zero import ZeroPolicy
 
 __all__ = (
     'ALL',
     'ActionError',
+    'BatchPolicy',
     'Policy',
     'PolicyContext',
     'PolicyFactory',
@@ -32,10 +39,9 @@ _CODE = re.compile(r'[A-Za-z_][\w.]*:[A-Za-z_][\w.]*')
 def _expert(context: PolicyContext, seed: int | None) -> Policy:
     del seed  # Unused.
     if context.task_name not in EXPERTS:
-        others = ', '.join(sorted(set(ALL) - {'expert'}))
         raise ValueError(
             f'There is no expert for the task {context.task_name!r}, only for '
-            f'{", ".join(EXPERTS)}; valid for every task are {others}.'
+            f'{", ".join(EXPERTS)}; valid for every task are random, zero.'
         )
     return EXPERTS[context.task_name]()
 
@@ -45,15 +51,16 @@ _POLICIES: dict[str, Callable[[PolicyContext, int | None], Policy]] = {
     'random': lambda context, seed: UniformPolicy(context.action_spec, seed),
     'zero': lambda context, seed: ZeroPolicy(context.action_spec),
 }
-ALL = tuple(_POLICIES)
+_TRAINED = 'trained'
+ALL = (*_POLICIES, _TRAINED)
 
 
 def load(name: str, env: Any, seed: int | None = None, trust_pickle: bool = False) -> Policy:
     """Returns a policy.
 
     Args:
-        name: One of `ALL`; or a file, PATH.onnx or PATH.zip (of Stable-Baselines3); or code,
-            `module:function` (see `files.code_policy`).
+        name: One of `ALL`, of which 'trained' needs onnxruntime; or a file, PATH.onnx or PATH.zip
+            (of Stable-Baselines3); or code, `module:function` (see `files.code_policy`).
         env: The environment that it will act in, as `fetch_composer.load` returns it, or its
             `PolicyContext`.
         seed: A non-negative integer for a policy that draws, or None. It may be the
@@ -82,6 +89,8 @@ def factory(name: str, context: PolicyContext, trust_pickle: bool = False) -> Po
     if name in _POLICIES:
         _POLICIES[name](context, None)
         return lambda seed: _POLICIES[name](context, seed)
+    if name == _TRAINED:
+        return onnx_policy.factory(trained.path(context), context)
     if name.endswith('.onnx'):
         return onnx_policy.factory(name, context)
     if name.endswith('.zip'):
@@ -99,7 +108,7 @@ def digest(name: str) -> str | None:
 
     Of code, which has to be loaded first, it is that of the function's module alone.
     """
-    if name in _POLICIES:
+    if name in ALL:
         return None
     if name.endswith(('.onnx', '.zip')):
         return hashlib.sha256(pathlib.Path(name).read_bytes()).hexdigest()

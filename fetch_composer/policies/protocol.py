@@ -22,6 +22,20 @@ class Policy(Protocol):
         """Returns an action, (4,) float32 in [-1, 1], for an environment's observation."""
 
 
+class BatchPolicy(Policy, Protocol):
+    """A policy that can act for many environments in one call.
+
+    It keeps nothing from one step to the next, so that one object serves all of them.
+    """
+
+    def act_on_batch(self, observations: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns actions, (n, 4), for observations of n environments, (n, ...) by name.
+
+        Each row is what the policy returns when it is called with that row, to the bit, whatever
+        other rows there are: episodes must not depend on what runs beside them.
+        """
+
+
 @dataclasses.dataclass(frozen=True)
 class PolicyContext:
     """What a policy may know of its environment: names and specs, and nothing of the simulation.

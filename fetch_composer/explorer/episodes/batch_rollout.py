@@ -19,6 +19,8 @@ from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.tasks import TaskOptions
 
+_Observations = Mapping[str, np.ndarray]
+
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeOptions:
@@ -152,16 +154,18 @@ class BatchRollout:
         acting = [self._make_policy(seed) for seed in seeds]
         for policy in acting:
             policy.reset()
+        act = _acting_on_rows(acting)
         idle = self._batch.num_envs - count
         self._batch.seed([*seeds, *seeds[-1:] * idle])
         time_step = self._batch.reset()
         observations, actions, received, seconds = [time_step.observation], [], [], 0.0
         for step in range(self._options.steps):
-            rows = _rows(time_step.observation)
+            # Copied, since a policy may write to what it is given.
+            given = {name: value[:count].copy() for name, value in time_step.observation.items()}
             with _failures_named(f'policy {self._options.policy}, step {step}'):
-                chosen = [policy(row) for policy, row in zip(acting, rows, strict=False)]
-                action = np.stack([*chosen, *chosen[-1:] * idle])
+                action = act(given)
                 _check_finite(action, seeds)
+            action = np.concatenate([action, np.repeat(action[-1:], idle, axis=0)])
             started = time.perf_counter()
             time_step = self._batch.step(action)
             seconds += time.perf_counter() - started
@@ -241,9 +245,24 @@ def _check_finite(action: np.ndarray, seeds: Sequence[int]) -> None:
         raise policies.ActionError(f'The action is not finite for seed {which[0]}.')
 
 
-def _rows(observation: Mapping[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
-    """Yields each environment's own observation, which its policy may write to."""
-    names = tuple(observation)
-    # Copied at once: a copy of every row would take longer than most policies do.
-    for values in zip(*(value.copy() for value in observation.values()), strict=True):
+def _acting_on_rows(acting: Sequence[policies.Policy]) -> Callable[[_Observations], np.ndarray]:
+    """Returns what gives each environment's action, (n, 4): in one call, if one policy is all."""
+    first = acting[0]
+    act_on_batch = getattr(first, 'act_on_batch', None)
+    if act_on_batch is not None and all(each is first for each in acting):
+        return act_on_batch
+
+    def act(observations: _Observations) -> np.ndarray:
+        # Copied one by one, since a policy may return the same array every time.
+        return np.stack(
+            [np.array(policy(row)) for policy, row in zip(acting, _rows(observations), strict=True)]
+        )
+
+    return act
+
+
+def _rows(observations: _Observations) -> Iterator[dict[str, np.ndarray]]:
+    """Yields each environment's own observation."""
+    names = tuple(observations)
+    for values in zip(*observations.values(), strict=True):
         yield dict(zip(names, values, strict=True))

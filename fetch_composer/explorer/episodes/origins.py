@@ -20,11 +20,11 @@ def versions() -> dict[str, str | None]:
 
 
 def code_digest() -> str:
-    """Returns a digest of this package's code and models, which decide on every episode."""
+    """Returns a digest of this package's code, models and policies, which decide on episodes."""
     root = pathlib.Path(__file__).parents[2]
     digest = hashlib.sha256()
     for path in sorted(root.rglob('*')):
-        if path.suffix in ('.py', '.xml', '.json') and path.is_file():
+        if path.suffix in ('.py', '.xml', '.json', '.onnx') and path.is_file():
             digest.update(path.relative_to(root).as_posix().encode() + b'\0')
             digest.update(path.read_bytes() + b'\0')
     return digest.hexdigest()

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
@@ -104,64 +105,62 @@ class Film:
     thumbnails: Sequence[Image.Image]
 
 
-class Films:
-    """The films in a folder; an episode that has one is not filmed again."""
+def kept(folder: pathlib.Path, episode: Episode) -> Film | None:
+    """Returns the film of an episode if there is one in a folder."""
+    try:
+        with np.load(_thumbnails(folder, episode)) as file:
+            pictures = file['thumbnails']
+    except OSError:
+        return None
+    return Film(_mp4(folder, episode), [Image.fromarray(picture) for picture in pictures])
 
-    def __init__(self, folder: pathlib.Path, env, camera: Camera, fps: int) -> None:
-        """Initializes the films.
 
-        Args:
-            folder: Where films are kept; made with the first one.
-            env: A single environment of the options that the episodes were run with.
-            camera: What takes the pictures.
-            fps: Frames per second.
-        """
-        self._folder = folder
-        self._env = env
-        self._camera = camera
-        self._fps = fps
+def take(
+    folder: pathlib.Path,
+    episode: Episode,
+    env: Any,
+    camera: Camera,
+    fps: int,
+    on_progress: Callable[[int], None],
+) -> Film:
+    """Films an episode while it is replayed.
 
-    def kept(self, episode: Episode) -> Film | None:
-        """Returns the film of an episode if there is one."""
-        try:
-            with np.load(self._thumbnails(episode)) as file:
-                pictures = file['thumbnails']
-        except OSError:
-            return None
-        return Film(self._mp4(episode), [Image.fromarray(picture) for picture in pictures])
+    Args:
+        folder: Where films are kept; made with the first one.
+        episode: The episode.
+        env: A single environment of the options that the episode was run with.
+        camera: What takes the pictures.
+        fps: Frames per second.
+        on_progress: Called at each step, with the number of steps so far; if it raises, there is
+            no film.
 
-    def take(self, episode: Episode, on_progress: Callable[[int], None]) -> Film:
-        """Films an episode while it is replayed.
+    Raises:
+        ReplayError: if the episode does not end as it did.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    shown, thumbnails = contact_sheet.shown_steps(episode.steps), []
+    path = _mp4(folder, episode)
+    with writer(path, fps) as add_picture:
 
-        Args:
-            episode: The episode.
-            on_progress: Called at each step, with the number of steps so far; if it raises, there
-                is no film.
+        def add(step: int) -> None:
+            on_progress(step)
+            picture = camera.picture()
+            add_picture(picture)
+            if step in shown:
+                thumbnails.append(contact_sheet.thumbnail(picture))
 
-        Raises:
-            ReplayError: if the episode does not end as it did.
-        """
-        self._folder.mkdir(parents=True, exist_ok=True)
-        shown, thumbnails = contact_sheet.shown_steps(episode.steps), []
-        path = self._mp4(episode)
-        with writer(path, self._fps) as add_picture:
+        replay.replay(env, episode, add)
+    # Last, so that a film with thumbnails is a whole one.
+    files.save_arrays(
+        _thumbnails(folder, episode),
+        {'thumbnails': np.stack([np.asarray(each) for each in thumbnails])},
+    )
+    return Film(path, thumbnails)
 
-            def add(step: int) -> None:
-                on_progress(step)
-                picture = self._camera.picture()
-                add_picture(picture)
-                if step in shown:
-                    thumbnails.append(contact_sheet.thumbnail(picture))
 
-            replay.replay(self._env, episode, add)
-        # Last, so that a film with thumbnails is a whole one.
-        files.save_arrays(
-            self._thumbnails(episode), {'thumbnails': np.stack([np.asarray(t) for t in thumbnails])}
-        )
-        return Film(path, thumbnails)
+def _mp4(folder: pathlib.Path, episode: Episode) -> pathlib.Path:
+    return folder / f'seed_{episode.seed}.mp4'
 
-    def _mp4(self, episode: Episode) -> pathlib.Path:
-        return self._folder / f'seed_{episode.seed}.mp4'
 
-    def _thumbnails(self, episode: Episode) -> pathlib.Path:
-        return self._folder / f'seed_{episode.seed}.npz'
+def _thumbnails(folder: pathlib.Path, episode: Episode) -> pathlib.Path:
+    return folder / f'seed_{episode.seed}.npz'

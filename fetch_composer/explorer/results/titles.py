@@ -1,8 +1,10 @@
-"""What was run and how it went, in one line."""
+"""What was run and how it went, in few words."""
 
 from fetch_composer.explorer.results import summary
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
+
+_LONGEST_POLICY = 28
 
 
 def title(candidate: Candidate, setting: Setting) -> str:
@@ -15,13 +17,17 @@ def title(candidate: Candidate, setting: Setting) -> str:
 
 
 def result(candidate: Candidate) -> str:
-    """Returns the figures of a policy's episodes, of which there is one or more."""
+    """Returns the figures of a policy's episodes, of which there is one or more, in two lines."""
     figures = summary.summarize(candidate.episodes)
-    distance_cm = 100 * figures['final_distance_m']['mean']
+    low, high = (100 * each for each in figures['success_interval'])
+    count = len(candidate.episodes)
+    policy = candidate.policy
+    if len(policy) > _LONGEST_POLICY:
+        policy = f'...{policy[3 - _LONGEST_POLICY :]}'
     return (
-        ('' if candidate.is_alone else f'{candidate.policy}: ')
-        + f'At the goal at the last step: {100 * figures["success_rate"]:.1f} % of '
-        f'{len(candidate.episodes)}; mean distance {distance_cm:.1f} cm; '
-        f'mean return {figures["return"]["mean"]:.4g}; '
-        f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment.'
+        f'Success {100 * figures["success_rate"]:.1f} % ({low:.1f} to {high:.1f} %) of {count} '
+        f'{"episode" if count == 1 else "episodes"}: {policy}\n'
+        f'  distance {100 * figures["final_distance_m"]["mean"]:.1f} cm, '
+        f'return {figures["return"]["mean"]:.4g}, '
+        f'{figures["control_steps_per_second"]:.0f} control steps/s in the environment'
     )

@@ -64,10 +64,10 @@ def write(
         (folder / each.path('')).mkdir(exist_ok=True)
     files.save_text(folder / REPORT, page)
     written = [
-        Written((REPORT,), 'all of it on one page, films included'),
+        Written((REPORT,), 'one page with everything, films included'),
         *_write_pictures(folder, [each for each in candidates if each.films], setting),
         *_write_data(folder, candidates, setting),
-        Written((SUMMARY,), 'success rate, return, distance, speed, versions, flags'),
+        Written((SUMMARY,), 'figures, versions and flags'),
     ]
     names = [name for each in written for name in each.names]
     files.save_json(folder / SUMMARY, {**summary, 'files': names})
@@ -122,10 +122,10 @@ def _write_data(
     return [
         Written(
             [each.path(PROGRESS) for each in candidates],
-            'distance to the goal and return over time',
+            'distance and return over time',
         ),
         Written(
             [each.path(TRAJECTORIES) for each in candidates],
-            'observations, actions and rewards, for numpy.load',
+            'observations, actions and rewards',
         ),
     ]

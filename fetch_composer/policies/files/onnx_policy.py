@@ -1,8 +1,9 @@
 """Policies from ONNX files, which hold arithmetic and no code.
 
 A network's inputs are the environment's observations by name, in any order and any selection, or
-one input that takes `observation` followed by `desired_goal`. Its output, or the one of several
-that is named `action` or `actions`, is the action: (4,) or (1, 4).
+one input that takes several of them as one vector (see `inputs`). Its output, or the one of several
+that is named `action` or `actions`, is the action: (4,), (1, 4), or (n, 4) where the number of rows
+is free.
 """
 
 import pathlib
@@ -11,43 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from fetch_composer.policies.files import inputs
+from fetch_composer.policies.files.network_policy import NetworkPolicy
 from fetch_composer.policies.protocol import PolicyContext
 
-_JOINED = ('observation', 'desired_goal')
 _ACTION_NAMES = ('action', 'actions')
 _TYPES = {'tensor(float)': np.float32, 'tensor(double)': np.float64}
+_ROWS = 16  # At a time: more take longer, and a single observation is padded to them.
 
 
-class OnnxPolicy:
-    """Asks a network for each action; keeps nothing from one step to the next."""
-
-    def __init__(self, session: Any, path: str, context: PolicyContext) -> None:
-        """Makes sure that the network fits the environment.
-
-        Args:
-            session: An `onnxruntime.InferenceSession`.
-            path: The file, for messages.
-            context: What is known of the environment to act in.
-
-        Raises:
-            ValueError: if the network's inputs or its output do not fit; the message says how.
-        """
-        self._session = session
-        sizes = {name: spec.shape[0] for name, spec in context.observation_spec.items()}
-        self._feeds = _feeds(session.get_inputs(), sizes, path)
-        self._output = _output(session.get_outputs(), context.action_spec.shape[0], path)
-
-    def reset(self) -> None:
-        """Does nothing: each action depends on the present observation alone."""
-
-    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32."""
-        feed = {name: make(observation) for name, make in self._feeds.items()}
-        (action,) = self._session.run([self._output], feed)
-        return np.asarray(action, np.float32).reshape(-1)
-
-
-def factory(path: str, context: PolicyContext) -> Callable[[int | None], OnnxPolicy]:
+def factory(path: str, context: PolicyContext) -> Callable[[int | None], NetworkPolicy]:
     """Returns what makes the policy of a file, whatever the seed.
 
     Raises:
@@ -61,54 +35,76 @@ def factory(path: str, context: PolicyContext) -> Callable[[int | None], OnnxPol
     if not pathlib.Path(path).is_file():
         raise ValueError(f'There is no file {path}.')
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1  # For a vector, others would cost more than they bring.
+    options.intra_op_num_threads = 1  # For so few rows, others would cost more than they bring.
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(path, options, providers=['CPUExecutionProvider'])
     except Exception as error:  # The runtime's exceptions have no common class.
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f'{path} cannot be read as ONNX: {reason}') from None
-    policy = OnnxPolicy(session, path, context)
+    policy = _policy(session, path, context)
     return lambda seed: policy
 
 
-def _feeds(inputs, sizes: Mapping[str, int], path: str) -> dict[str, Callable]:
-    """Returns for each input of the network what makes it from an observation."""
-    names = [each.name for each in inputs]
-    parts: dict[str, tuple[str, ...]]
-    valid = ', '.join(f'{name} ({size})' for name, size in sizes.items())
-    if set(names) <= set(sizes):
-        parts = {name: (name,) for name in names}
-    elif len(names) == 1:
-        parts = {names[0]: _JOINED}
-    else:
-        raise ValueError(f'{path} has the inputs {", ".join(names)}; valid are {valid}.')
+def _policy(session: Any, path: str, context: PolicyContext) -> NetworkPolicy:
+    sizes = {name: spec.shape[0] for name, spec in context.observation_spec.items()}
+    feeds = _feeds(session.get_inputs(), sizes, path)
+    output = _output(session.get_outputs(), context.action_spec.shape[0], path)
+
+    def act(observations: Mapping[str, np.ndarray]) -> np.ndarray:
+        feed = {name: make(observations) for name, make in feeds.items()}
+        (actions,) = session.run([output.name], feed)
+        return actions
+
+    shapes = [each.shape for each in (*session.get_inputs(), output)]
+    is_free = all(len(shape) == 2 and not isinstance(shape[0], int) for shape in shapes)
+    return NetworkPolicy(act, _ROWS if is_free else 1, sizes)
+
+
+def _feeds(given, sizes: Mapping[str, int], path: str) -> dict[str, Callable]:
+    """Returns for each input of the network what makes it from observations."""
+    by_name = ', '.join(f'{name} ({size})' for name, size in sizes.items())
+    valid = f'by name {by_name}, or as a single input {inputs.valid_layouts(sizes)}'
+    if len(given) != 1 and not {each.name for each in given} <= set(sizes):
+        names = ', '.join(each.name for each in given)
+        raise ValueError(f'{path} has the inputs {names}; valid are {valid}.')
     feeds = {}
-    for each in inputs:
-        needed = sum(sizes[part] for part in parts[each.name])
+    for each in given:
         if each.type not in _TYPES:
             raise ValueError(
                 f'{path}: input {each.name!r} is {each.type}; valid are {", ".join(_TYPES)}.'
             )
-        if not _fits(each.shape, needed):
-            what = ' and '.join(parts[each.name])
+        parts = _parts(each, sizes, is_single=len(given) == 1)
+        if parts is None:
             raise ValueError(
-                f'{path}: input {each.name!r} has shape {_shown(each.shape)}, but {what} of this '
-                f'task is ({needed},) or (1, {needed}). Valid inputs are {valid}, or a single one '
-                f'for {" and ".join(_JOINED)} ({sum(sizes[part] for part in _JOINED)}).'
+                f'{path}: input {each.name!r} has shape {_shown(each.shape)}; for one observation '
+                f'or a free number of them, valid are {valid}.'
             )
-        feeds[each.name] = _feed(parts[each.name], _TYPES[each.type], len(each.shape))
+        feeds[each.name] = _feed(parts, _TYPES[each.type], len(each.shape))
     return feeds
 
 
+def _parts(each, sizes: Mapping[str, int], is_single: bool) -> tuple[str, ...] | None:
+    """Returns the observations that an input takes, by its name or else by its width."""
+    if each.name in sizes and _fits(each.shape, sizes[each.name]):
+        return (each.name,)
+    width = each.shape[-1] if each.shape else None
+    parts = inputs.layout(width, sizes) if isinstance(width, int) else inputs.JOINED
+    if parts is None or not is_single:
+        return None
+    return parts if _fits(each.shape, sum(sizes[part] for part in parts)) else None
+
+
 def _feed(parts: tuple[str, ...], dtype: type, dimensions: int) -> Callable:
-    shape = (1,) * (dimensions - 1) + (-1,)
-    return lambda observation: (
-        np.concatenate([observation[part] for part in parts]).astype(dtype).reshape(shape)
-    )
+    def make(observations: Mapping[str, np.ndarray]) -> np.ndarray:
+        values = inputs.joined(observations, parts, dtype)
+        # Other than two dimensions are of a network that takes one observation at a time.
+        return values if dimensions == 2 else values.reshape((1,) * (dimensions - 1) + (-1,))
+
+    return make
 
 
-def _output(outputs, size: int, path: str) -> str:
+def _output(outputs, size: int, path: str) -> Any:
     named = [each for each in outputs if each.name in _ACTION_NAMES]
     chosen = named or list(outputs)
     if len(chosen) != 1:
@@ -120,9 +116,9 @@ def _output(outputs, size: int, path: str) -> str:
     if output.shape and not _fits(output.shape, size):
         raise ValueError(
             f'{path}: output {output.name!r} has shape {_shown(output.shape)}, but an action is '
-            f'({size},) or (1, {size}).'
+            f'({size},), (1, {size}), or (n, {size}) with n free.'
         )
-    return output.name
+    return output
 
 
 def _fits(shape, size: int) -> bool:

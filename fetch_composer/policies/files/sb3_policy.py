@@ -4,13 +4,17 @@ Such a file has Python objects in it (pickles), and whoever made it can have put
 that runs as they are read. It is only read when the user has said that it may.
 """
 
+import contextlib
 import json
+import sys
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from fetch_composer.policies.files import inputs
+from fetch_composer.policies.files.network_policy import NetworkPolicy
 from fetch_composer.policies.protocol import PolicyContext
 
 # By the module of their policy class, which the file names in plain text.
@@ -21,6 +25,7 @@ _ALGORITHMS = {
     'sb3_contrib.tqc': ('sb3_contrib', 'TQC'),
 }
 # Only acting is asked for: no memory is set aside for learning, and none of its settings is read.
+_ROWS = 64  # At a time: a call takes about as long as for one.
 _NOT_FOR_LEARNING: dict[str, Any] = {
     'replay_buffer_class': None,
     'replay_buffer_kwargs': {},
@@ -32,25 +37,9 @@ _NOT_FOR_LEARNING: dict[str, Any] = {
 }
 
 
-class Sb3Policy:
-    """Asks a trained model for each action, without exploration."""
-
-    def __init__(self, model: Any) -> None:
-        """Initializes the policy with a model of Stable-Baselines3."""
-        self._model = model
-
-    def reset(self) -> None:
-        """Does nothing: each action depends on the present observation alone."""
-
-    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32."""
-        action, _ = self._model.predict(dict(observation), deterministic=True)
-        return np.asarray(action, np.float32)
-
-
 def factory(
     path: str, context: PolicyContext, trust_pickle: bool
-) -> Callable[[int | None], Sb3Policy]:
+) -> Callable[[int | None], NetworkPolicy]:
     """Returns what makes the policy of a file, whatever the seed.
 
     Args:
@@ -78,9 +67,25 @@ def factory(
         raise ValueError(
             f'{path} cannot be loaded as {name}: {type(error).__name__}: {error}'
         ) from error
-    _check_spaces(model, path, context)
-    policy = Sb3Policy(model)
+    policy = _policy(model, path, context)
     return lambda seed: policy
+
+
+def _policy(model: Any, path: str, context: PolicyContext) -> NetworkPolicy:
+    sizes = {name: spec.shape[0] for name, spec in context.observation_spec.items()}
+    make = _input(model.observation_space, sizes, path)
+    if tuple(model.action_space.shape) != context.action_spec.shape:
+        raise ValueError(
+            f'{path} gives actions of shape {tuple(model.action_space.shape)}, but this task '
+            f'takes {context.action_spec.shape}.'
+        )
+
+    def act(observations: Mapping[str, np.ndarray]) -> np.ndarray:
+        with _one_thread():
+            actions, _ = model.predict(make(observations), deterministic=True)
+        return actions
+
+    return NetworkPolicy(act, _ROWS, sizes)
 
 
 def _algorithm(path: str) -> tuple[str, str]:
@@ -101,19 +106,34 @@ def _algorithm(path: str) -> tuple[str, str]:
     raise ValueError(f'{path} has a policy of {module}; valid are {", ".join(_ALGORITHMS)}.')
 
 
-def _check_spaces(model: Any, path: str, context: PolicyContext) -> None:
-    expected = {name: spec.shape for name, spec in context.observation_spec.items()}
-    spaces = getattr(model.observation_space, 'spaces', None)
+def _input(space: Any, sizes: Mapping[str, int], path: str) -> Callable:
+    """Returns what makes a model's observation from the environment's."""
+    valid = f'as a vector {inputs.valid_layouts(sizes)}, or a dictionary of {dict(sizes)}'
+    spaces = getattr(space, 'spaces', None)
     if spaces is None:
-        raise ValueError(
-            f'{path} takes an observation of shape {model.observation_space.shape}, but this '
-            f'task has a dictionary: {expected}.'
-        )
-    found = {name: tuple(space.shape) for name, space in spaces.items()}
-    if found != expected:
-        raise ValueError(f'{path} takes the observations {found}, but this task has {expected}.')
-    if tuple(model.action_space.shape) != context.action_spec.shape:
-        raise ValueError(
-            f'{path} gives actions of shape {tuple(model.action_space.shape)}, but this task '
-            f'takes {context.action_spec.shape}.'
-        )
+        shape = tuple(space.shape)
+        parts = inputs.layout(shape[0], sizes) if len(shape) == 1 else None
+        if parts is None:
+            raise ValueError(
+                f'{path} takes an observation of shape {shape}; of this task, valid are {valid}.'
+            )
+        # In double precision, which torch copies: how it rounds could depend on where an array
+        # of single precision lies.
+        return lambda observations: inputs.joined(observations, parts, np.float64)
+    shapes = {name: (size,) for name, size in sizes.items()}
+    found = {name: tuple(each.shape) for name, each in spaces.items()}
+    if not found or not found.items() <= shapes.items():
+        raise ValueError(f'{path} takes the observations {found}; of this task, valid are {valid}.')
+    return lambda observations: {name: observations[name] for name in found}
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Lets torch use one thread: others cost more than they bring, and share work as they come."""
+    torch = sys.modules['torch']
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

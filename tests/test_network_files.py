@@ -1,4 +1,4 @@
-"""Policies from files and from the user's own code."""
+"""Policies from files of networks: ONNX, and zips of Stable-Baselines3."""
 
 import json
 import sys
@@ -10,10 +10,10 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies
-from fetch_composer.explorer import flags
-from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.policies.files import trained
 from fetch_composer.tasks import TaskOptions
+from tests import networks
 
 _SIZES = {'observation': 25, 'achieved_goal': 3, 'desired_goal': 3}
 
@@ -33,31 +33,6 @@ def observation(env):
 # -- ONNX ------------------------------------------------------------------------------------------
 
 
-def _save_onnx(path, inputs, outputs=(('action', ['batch', 4]),), double=False):
-    """Writes a network whose action is a linear function of its inputs, in their order."""
-    onnx = pytest.importorskip('onnx')
-    pytest.importorskip('onnxruntime')
-    helper = onnx.helper
-    kind = onnx.TensorProto.DOUBLE if double else onnx.TensorProto.FLOAT
-    width = sum(shape[-1] for _, shape in inputs)
-    weights = np.linspace(-1, 1, 4 * width).reshape(width, 4)
-    weights = weights.astype(np.float64 if double else np.float32)
-    nodes = [
-        helper.make_node('Concat', [name for name, _ in inputs], ['joined'], axis=-1),
-        *(helper.make_node('MatMul', ['joined', 'weights'], [name]) for name, _ in outputs),
-    ]
-    graph = helper.make_graph(
-        nodes,
-        'policy',
-        [helper.make_tensor_value_info(name, kind, shape) for name, shape in inputs],
-        [helper.make_tensor_value_info(name, kind, shape) for name, shape in outputs],
-        [onnx.numpy_helper.from_array(weights, 'weights')],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 17)], ir_version=8)
-    onnx.save(model, path)
-    return weights
-
-
 @pytest.mark.parametrize('double', [False, True])
 @pytest.mark.parametrize('batch', [[], [1], ['batch']])
 @pytest.mark.parametrize(
@@ -65,7 +40,10 @@ def _save_onnx(path, inputs, outputs=(('action', ['batch', 4]),), double=False):
     [
         ({'observation': 25, 'desired_goal': 3}, ('observation', 'desired_goal')),
         ({'desired_goal': 3, 'achieved_goal': 3}, ('desired_goal', 'achieved_goal')),
+        ({'x': 25}, ('observation',)),
         ({'x': 28}, ('observation', 'desired_goal')),
+        ({'x': 31}, ('achieved_goal', 'desired_goal', 'observation')),
+        ({'observation': 31}, ('achieved_goal', 'desired_goal', 'observation')),
     ],
 )
 def test_a_network_acts_on_the_observations_that_it_names(
@@ -73,7 +51,7 @@ def test_a_network_acts_on_the_observations_that_it_names(
 ):
     path = str(tmp_path / 'policy.onnx')
     shapes = [(name, [*batch, size]) for name, size in inputs.items()]
-    weights = _save_onnx(path, shapes, [('action', [*batch, 4])], double)
+    weights = networks.save(path, shapes, [('action', [*batch, 4])], double)
     policy = policies.load(path, env)
     policies.check_action(policy, observation, policies.PolicyContext.of(env))
     action = policy(observation)
@@ -84,7 +62,7 @@ def test_a_network_acts_on_the_observations_that_it_names(
 
 def test_a_network_is_run_by_the_batch(tmp_path):
     path = str(tmp_path / 'policy.onnx')
-    _save_onnx(path, [('observation', ['batch', 25])])
+    networks.save(path, [('observation', ['batch', 25])])
     options = batch_rollout.EpisodeOptions('push', path, TaskOptions(max_episode_steps=4))
     (alone,) = batch_rollout.run_episodes(options, [1])
     together = batch_rollout.run_episodes(options, [0, 1, 2], num_envs=3)
@@ -95,9 +73,14 @@ def test_a_network_is_run_by_the_batch(tmp_path):
 @pytest.mark.parametrize(
     ('inputs', 'outputs', 'message'),
     [
-        ([('observation', [1, 24])], None, r"'observation' has shape \(1, 24\), but .* \(25,\)"),
-        ([('x', ['n', 31])], None, r"'x' has shape \(n, 31\), but observation and desired_goal"),
-        ([('x', [1, 25]), ('y', [1, 3])], None, r'has the inputs x, y; valid are observation'),
+        (
+            [('observation', [1, 24])],
+            None,
+            r"'observation' has shape \(1, 24\); .*valid are by name observation \(25\), .*single "
+            r'input 25 \(observation\), 28 \(observation, desired_goal\), 31 \(achieved_goal, ',
+        ),
+        ([('x', ['n', 30])], None, r"'x' has shape \(n, 30\)"),
+        ([('x', [1, 25]), ('y', [1, 3])], None, r'has the inputs x, y; valid are by name obs'),
         ([('observation', [8, 25])], None, r"'observation' has shape \(8, 25\)"),
         ([('observation', [1, 25])], [('out', [1, 3])], r"'out' has shape \(1, 3\), but an action"),
         ([('observation', [1, 25])], [('a', [1, 4]), ('b', [1, 4])], r'outputs a, b; one must be'),
@@ -107,34 +90,18 @@ def test_a_network_that_does_not_fit_is_named(tmp_path, env, inputs, outputs, me
     path = str(tmp_path / 'policy.onnx')
     if outputs and outputs[0][1][-1] == 3:
         pytest.importorskip('onnx')
-        _save_onnx_of_width_3(path)
+        networks.save_of_width_3(path)
     else:
-        _save_onnx(path, inputs, outputs or [('action', [inputs[0][1][0], 4])])
+        networks.save(path, inputs, outputs or [('action', [inputs[0][1][0], 4])])
     with pytest.raises(ValueError, match=message):
         policies.load(path, env)
 
 
-def _save_onnx_of_width_3(path):
-    onnx = pytest.importorskip('onnx')
-    pytest.importorskip('onnxruntime')
-    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
-    weights = onnx.numpy_helper.from_array(np.ones((25, 3), np.float32), 'weights')
-    graph = helper.make_graph(
-        [helper.make_node('MatMul', ['observation', 'weights'], ['out'])],
-        'policy',
-        [helper.make_tensor_value_info('observation', kind, [1, 25])],
-        [helper.make_tensor_value_info('out', kind, [1, 3])],
-        [weights],
-    )
-    opset = [helper.make_opsetid('', 17)]
-    onnx.save(helper.make_model(graph, opset_imports=opset, ir_version=8), path)
-
-
 def test_a_network_for_another_task_is_named(tmp_path):
     path = str(tmp_path / 'policy.onnx')
-    _save_onnx(path, [('observation', ['batch', 25])])
+    networks.save(path, [('observation', ['batch', 25])])
     reach = fetch_composer.load('reach')
-    with pytest.raises(ValueError, match=r'but observation of this task is \(10,\)'):
+    with pytest.raises(ValueError, match=r'valid are by name observation \(10\), .*, 13 \('):
         policies.load(path, reach)
 
 
@@ -152,6 +119,72 @@ def test_a_missing_onnxruntime_is_named_with_the_way_to_install_it(monkeypatch, 
     monkeypatch.setitem(sys.modules, 'onnxruntime', None)
     with pytest.raises(ValueError, match=r"pip install 'fetch_composer\[onnx\]'"):
         policies.load('policy.onnx', env)
+
+
+# -- Those that come with the package --------------------------------------------------------------
+
+
+def test_a_trained_policy_is_found_by_task_and_convention(tmp_path, env, monkeypatch):
+    monkeypatch.setattr(trained, '_FOLDER', tmp_path)
+    with pytest.raises(ValueError, match='for push_documented; there is none for any task'):
+        policies.load('trained', env)
+    networks.save_perceptron(str(tmp_path / 'push_gymnasium_robotics.onnx'), 28)
+    with pytest.raises(ValueError, match='push_documented; there is push_gymnasium_robotics'):
+        policies.load('trained', env)
+    networks.save_perceptron(str(tmp_path / 'push_documented.onnx'), 28)
+    assert policies.load('trained', env)(env.reset().observation).shape == (4,)
+    assert policies.digest('trained') is None
+
+
+# -- Batches ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('width', [25, 28, 31])
+def test_an_episode_does_not_depend_on_what_runs_beside_it(tmp_path, width):
+    path = str(tmp_path / 'policy.onnx')
+    networks.save_perceptron(path, width)
+    options = batch_rollout.EpisodeOptions('push', path, TaskOptions(max_episode_steps=3))
+    together = batch_rollout.run_episodes(options, range(70), num_envs=64)
+    for seeds, num_envs in ((range(70), 7), ((0, 3, 15, 16, 63, 64, 69), 1)):
+        for episode in batch_rollout.run_episodes(options, seeds, num_envs=num_envs):
+            np.testing.assert_array_equal(episode.action, together[episode.seed].action)
+            np.testing.assert_array_equal(episode.observation, together[episode.seed].observation)
+
+
+def _observations(count):
+    generator = np.random.default_rng(1)
+    return {name: generator.normal(size=(count, size)) for name, size in _SIZES.items()}
+
+
+@pytest.mark.parametrize(('rows', 'mixing'), [('n', False), (1, False), ('n', True)])
+def test_a_batch_is_given_the_actions_of_its_rows(tmp_path, env, rows, mixing):
+    path = str(tmp_path / 'policy.onnx')
+    networks.save_perceptron(path, 28, rows=rows, mixing=mixing)
+    policy = policies.load(path, env)
+    observations = _observations(37)
+    actions = policy.act_on_batch(observations)
+    assert actions.shape == (37, 4) and actions.dtype == np.float32
+    for row in range(37):
+        alone = policy({name: each[row] for name, each in observations.items()})
+        np.testing.assert_array_equal(actions[row], alone)
+    assert mixing == (not actions.any())  # A row less the mean of its own is 0.
+
+
+def test_a_network_is_asked_once_for_many_rows(tmp_path, env, monkeypatch):
+    onnxruntime = pytest.importorskip('onnxruntime')
+    path = str(tmp_path / 'policy.onnx')
+    networks.save_perceptron(path, 28)
+    policy, calls = policies.load(path, env), []
+    run = onnxruntime.InferenceSession.run
+
+    def counted(session, names, feed):
+        calls.append(len(feed['input']))
+        return run(session, names, feed)
+
+    monkeypatch.setattr(onnxruntime.InferenceSession, 'run', counted)
+    policy.act_on_batch(_observations(37))
+    policy.act_on_batch(_observations(1))
+    assert calls == [16, 16, 16, 16]
 
 
 # -- Stable-Baselines3, of which a stand-in is used: the real one brings gigabytes -----------------
@@ -179,12 +212,14 @@ def _stand_in(monkeypatch, sizes=_SIZES, action=4):
 
         def predict(self, observation, deterministic):
             assert deterministic
-            return observation['desired_goal'][[0, 1, 2, 0]], None
+            return observation['desired_goal'][:, [0, 1, 2, 0]], None
 
     package = types.ModuleType('stable_baselines3')
     for name in ('SAC', 'TD3', 'PPO', 'A2C'):
         setattr(package, name, type(name, (Model,), {}))
     monkeypatch.setitem(sys.modules, 'stable_baselines3', package)
+    threads = {'get_num_threads': lambda: 1, 'set_num_threads': lambda count: None}
+    monkeypatch.setitem(sys.modules, 'torch', types.SimpleNamespace(**threads))
     return loaded
 
 
@@ -232,7 +267,9 @@ def test_a_zip_that_does_not_fit_is_named(tmp_path, monkeypatch, env):
         policies.load(path, env)
     _save_zip(path)
     _stand_in(monkeypatch, {**_SIZES, 'observation': 10})
-    with pytest.raises(ValueError, match=r'observations .*\(10,\).* has .*\(25,\)'):
+    with pytest.raises(
+        ValueError, match=r"observations .*\(10,\).*dictionary of .*'observation': 25"
+    ):
         policies.load(path, env, trust_pickle=True)
     _stand_in(monkeypatch, action=3)
     with pytest.raises(ValueError, match=r'actions of shape \(3,\), but this task takes \(4,\)'):
@@ -255,128 +292,3 @@ def test_a_real_model_is_loaded(tmp_path, env, observation):
     policy = policies.load(path, env, trust_pickle=True)
     expected, _ = model.predict(dict(observation), deterministic=True)
     np.testing.assert_allclose(policy(observation), expected, atol=1e-6)
-
-
-# -- The user's own code ---------------------------------------------------------------------------
-
-_CODE = """
-import numpy as np
-
-def still(observation):
-    return [0, 0, 0, 0]
-
-def towards(observation):
-    return np.append(observation['desired_goal'] - observation['observation'][:3], 0)
-
-class Noisy:
-    resets = 0
-    def __init__(self, seed):
-        self.generator = np.random.default_rng(seed)
-    def reset(self):
-        Noisy.resets += 1
-    def __call__(self, observation):
-        return self.generator.uniform(-1, 1, 4)
-
-def make(context, seed=None):
-    assert context.task_name == 'push'
-    return Noisy(seed)
-
-def short(observation):
-    return np.zeros(3)
-
-def words(observation):
-    return ['a', 'b', 'c', 'd']
-
-def broken(observation):
-    return 1 / 0
-
-def late(observation):
-    moved = observation['observation'][:3] - (1.3419, 0.7491, 0.535)
-    return np.full(4, np.nan) if np.abs(moved).max() > 0.01 else np.ones(4)
-
-a_number = 3
-"""
-
-
-@pytest.fixture
-def code(tmp_path, monkeypatch):
-    """Makes a module in the working directory; returns its name."""
-    name = f'own_{tmp_path.name}'
-    (tmp_path / f'{name}.py').write_text(_CODE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, 'path', [each for each in sys.path if each])
-    yield name
-    sys.modules.pop(name, None)
-
-
-def _run(policy, seeds=(0,), **options):
-    task_options = TaskOptions(max_episode_steps=6)
-    options = batch_rollout.EpisodeOptions('push', policy, task_options, **options)
-    return batch_rollout.run_episodes(options, seeds, num_envs=2)
-
-
-def test_a_run_loads_and_tries_each_policy_once(code, monkeypatch, tmp_path):
-    loaded, load = [], policies.factory
-
-    def factory(name, *args):
-        loaded.append(name)
-        return load(name, *args)
-
-    monkeypatch.setattr(policies, 'factory', factory)
-    names = [f'{code}:Noisy', f'{code}:still']
-    run = run_lib.Run(
-        flags.make_options({'policy': names, 'episodes': 3, 'max_episode_steps': 2}), None
-    )
-    run.run()
-    run.close()
-    assert loaded == names
-    assert sys.modules[code].Noisy.resets == 3 + 1
-
-
-def test_a_function_acts(code):
-    (episode,) = _run(f'{code}:towards')
-    expected = episode.desired_goal[0] - episode.observation[0, :3]
-    np.testing.assert_allclose(episode.action[0, :3], expected)
-    (episode,) = _run(f'{code}:still')
-    np.testing.assert_array_equal(episode.action, 0)
-
-
-@pytest.mark.parametrize('maker', ['Noisy', 'make'])
-def test_a_maker_makes_a_policy_for_each_episode(code, maker):
-    episodes = _run(f'{code}:{maker}', (5, 6, 7))
-    expected = [np.random.default_rng(seed).uniform(-1, 1, (6, 4)) for seed in (5, 6, 7)]
-    np.testing.assert_allclose([each.action for each in episodes], expected)
-    assert sys.modules[code].Noisy.resets == 4  # And once for the trial before the first step.
-
-
-@pytest.mark.parametrize(
-    ('function', 'error', 'message'),
-    [
-        ('short', RuntimeError, r'before the first step: .*shape \(3,\); \(4,\) is needed'),
-        ('words', RuntimeError, 'before the first step: .*floats are needed'),
-        ('broken', RuntimeError, r'before the first step: ZeroDivisionError.*own_.*\.py, line 30'),
-        ('late', RuntimeError, r'step [12]: .*The action is not finite for seed 9'),
-        ('missing', ValueError, "there is no 'missing' in .*it has .*still"),
-        ('a_number', ValueError, 'cannot be called: it is a int'),
-    ],
-)
-def test_a_function_that_fails_is_named_with_its_place(code, function, error, message):
-    with pytest.raises(error, match=message):
-        _run(f'{code}:{function}', (9,))
-
-
-def test_an_unknown_module_and_an_unknown_policy_are_named(code, env):
-    with pytest.raises(ValueError, match="There is no module 'nowhere.at_all'"):
-        policies.load('nowhere.at_all:act', env)
-    with pytest.raises(ValueError, match=r'valid are expert, .*PATH\.onnx.*module:function'):
-        policies.load('nowhere.py', env)
-
-
-def test_a_digest_tells_whether_a_policy_has_changed(code, tmp_path, env):
-    assert policies.digest('expert') is None
-    policies.load(f'{code}:still', env)
-    before = policies.digest(f'{code}:still')
-    (tmp_path / f'{code}.py').write_text(_CODE + '\n')
-    assert before != policies.digest(f'{code}:still')
-    (tmp_path / 'a.zip').write_text('a')
-    assert policies.digest('a.zip') != before
