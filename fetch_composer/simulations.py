@@ -87,8 +87,6 @@ class ManySimulations:
         current = self._drive.observes_current_state
         stages = mujoco.mjtStage
         self._stage = stages.mjSTAGE_POS if current else stages.mjSTAGE_NONE
-        self.achieved_goal = self._observer.achieved_goal
-        self.observation = self._observer.observation
 
     def start(self, ids: np.ndarray, starts: Sequence[Start]) -> None:
         """Puts starts in place; `ids` are in order."""
@@ -146,6 +144,14 @@ class ManySimulations:
         diverged = np.flatnonzero(warnings.any(axis=-1))
         warnings[:] = 0
         return diverged
+
+    def achieved_goal(self) -> np.ndarray:
+        """Returns (n, 3) positions in m, a new array."""
+        return self._observer.achieved_goal()
+
+    def observation(self) -> np.ndarray:
+        """Returns (n, 25) or (n, 10), a new array, as `layout` has it."""
+        return self._observer.observation()
 
 
 class OneSimulation:

@@ -1,8 +1,6 @@
 """explore.py and the files that it writes, driven as a user drives it."""
 
 import json
-import os
-import pathlib
 import shlex
 import signal
 import subprocess
@@ -17,48 +15,7 @@ import fetch_composer
 from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.pictures import contact_sheet
-from fetch_composer.tasks import TaskOptions
-from tests import pages
-
-_ROOT = pathlib.Path(__file__).parent.parent
-_EXPLORE = str(_ROOT / 'explore.py')
-
-_EPISODES = 2
-_STEPS = 9
-_SEED = 7
-_SMALL = ('--width=96', '--height=64')
-_PLAIN_FILES = {'progress.png', 'report.html', 'summary.json', 'trajectories.npz'}
-_SECONDS_TO_START = 60
-
-
-def _environment(**variables):
-    """Returns the environment of a user who has set these variables and has no display."""
-    unset = ('MUJOCO_GL', 'PYOPENGL_PLATFORM', 'DISPLAY')
-    inherited = {name: value for name, value in os.environ.items() if name not in unset}
-    return {**inherited, 'PYTHONPATH': str(_ROOT), **variables}
-
-
-def _explore(*flags, **variables):
-    return subprocess.run(
-        [sys.executable, _EXPLORE, *flags],
-        env=_environment(**variables),
-        capture_output=True,
-        text=True,
-    )
-
-
-def _names(folder):
-    return {path.name for path in folder.iterdir()}
-
-
-def _summary(folder):
-    return json.loads((folder / 'summary.json').read_text())
-
-
-def _options(**changes):
-    small = {'policy': ['zero'], 'episodes': 1, 'max_episode_steps': 3, 'width': 96, 'height': 64}
-    return flags.make_options({**small, **changes})
-
+from tests import pages, runs
 
 # -- A whole run, with pictures --------------------------------------------------------------------
 
@@ -67,38 +24,38 @@ def _options(**changes):
 def filmed(tmp_path_factory):
     """Returns the folder and the standard output of a short run."""
     folder = tmp_path_factory.mktemp('explore') / 'new' / 'folder'
-    result = _explore(
-        f'--episodes={_EPISODES}', f'--max_episode_steps={_STEPS}', f'--seed={_SEED}',
-        '--reward_type=dense', '--fps=20', f'--output_dir={folder}', *_SMALL,
+    result = runs.explore(
+        f'--episodes={runs.EPISODES}', f'--max_episode_steps={runs.STEPS}', f'--seed={runs.SEED}',
+        '--reward_type=dense', '--fps=20', f'--output_dir={folder}', *runs.SMALL,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert 'Traceback' not in result.stderr
-    if _summary(folder)['gl_backend'] is None:
+    if runs.summary(folder)['gl_backend'] is None:
         pytest.skip('no OpenGL backend works here')
     return folder, result.stdout
 
 
 def test_run_writes_what_it_says_and_nothing_else(filmed):
     folder, _ = filmed
-    expected = {'contact_sheet.png', 'episode_000.mp4', 'episode_001.mp4', *_PLAIN_FILES}
-    assert _names(folder) == expected
-    assert set(_summary(folder)['files']) == expected
+    expected = {'contact_sheet.png', 'episode_000.mp4', 'episode_001.mp4', *runs.PLAIN_FILES}
+    assert runs.names(folder) == expected
+    assert set(runs.summary(folder)['files']) == expected
 
 
 def test_run_ends_by_saying_what_to_open(filmed):
     folder, stdout = filmed
     assert str(folder) in stdout
-    for name in _names(folder):
+    for name in runs.names(folder):
         assert name in stdout
 
 
 def test_films_have_a_frame_for_every_step_and_the_reset(filmed):
     folder, _ = filmed
-    for index in range(_EPISODES):
+    for index in range(runs.EPISODES):
         with imageio.get_reader(folder / f'episode_{index:03d}.mp4') as film:
             frames = [np.asarray(frame) for frame in film]
             assert film.get_meta_data()['fps'] == 20
-        assert len(frames) == _STEPS + 1
+        assert len(frames) == runs.STEPS + 1
         assert all(frame.shape == (64, 96, 3) for frame in frames)
         assert all(frame.std() > 10 for frame in frames)  # A scene, not a blank.
         assert np.abs(frames[0].astype(int) - frames[-1]).mean() > 1  # The arm has moved.
@@ -108,7 +65,7 @@ def test_pictures_open(filmed):
     folder, _ = filmed
     sheet = imageio.imread(folder / 'contact_sheet.png')
     plot = imageio.imread(folder / 'progress.png')
-    assert sheet.shape[0] > _EPISODES * 150
+    assert sheet.shape[0] > runs.EPISODES * 150
     assert plot.shape[0] > 600
     assert sheet.std() > 10 and plot.std() > 10
 
@@ -117,13 +74,13 @@ def test_trajectories_are_those_of_the_environment(filmed):
     folder, _ = filmed
     with np.load(folder / 'trajectories.npz') as file:
         saved = dict(file)
-    assert saved['observation'].shape == (_EPISODES, _STEPS + 1, 25)
-    assert saved['achieved_goal'].shape == (_EPISODES, _STEPS + 1, 3)
-    assert saved['desired_goal'].shape == (_EPISODES, _STEPS + 1, 3)
-    assert saved['distance'].shape == (_EPISODES, _STEPS + 1)
-    assert saved['action'].shape == (_EPISODES, _STEPS, 4)
+    assert saved['observation'].shape == (runs.EPISODES, runs.STEPS + 1, 25)
+    assert saved['achieved_goal'].shape == (runs.EPISODES, runs.STEPS + 1, 3)
+    assert saved['desired_goal'].shape == (runs.EPISODES, runs.STEPS + 1, 3)
+    assert saved['distance'].shape == (runs.EPISODES, runs.STEPS + 1)
+    assert saved['action'].shape == (runs.EPISODES, runs.STEPS, 4)
     assert saved['action'].dtype == np.float32
-    assert saved['seed'].tolist() == [_SEED, _SEED + 1]
+    assert saved['seed'].tolist() == [runs.SEED, runs.SEED + 1]
 
     for index, seed in enumerate(saved['seed'].tolist()):
         env = fetch_composer.load('push', seed=seed, reward_type='dense')
@@ -137,12 +94,12 @@ def test_trajectories_are_those_of_the_environment(filmed):
 
 def test_summary_tells_what_the_trajectories_hold(filmed):
     folder, _ = filmed
-    summary = _summary(folder)
+    summary = runs.summary(folder)
     with np.load(folder / 'trajectories.npz') as file:
         saved = dict(file)
-    assert summary['episodes_finished'] == _EPISODES
+    assert summary['episodes_finished'] == runs.EPISODES
     assert summary['stopped_by'] is None
-    assert summary['flags']['seed'] == _SEED
+    assert summary['flags']['seed'] == runs.SEED
     assert summary['flags']['reward_type'] == 'dense'
     assert summary['versions']['mujoco']
     assert summary['control_steps_per_second'] > 0
@@ -161,34 +118,35 @@ def test_summary_tells_what_the_trajectories_hold(filmed):
 def test_an_interrupted_run_keeps_the_finished_episodes_and_says_so(tmp_path, number):
     process = subprocess.Popen(
         [
-            sys.executable, _EXPLORE, '--episodes=5000', '--max_episode_steps=5', '--num_envs=4',
-            f'--output_dir={tmp_path}', *_SMALL,
+            sys.executable, runs.EXPLORE, '--episodes=5000', '--max_episode_steps=5',
+            '--num_envs=4',
+            f'--output_dir={tmp_path}', *runs.SMALL,
         ],
-        env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=runs.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    deadline = time.monotonic() + _SECONDS_TO_START
+    deadline = time.monotonic() + runs.SECONDS_TO_START
     while time.monotonic() < deadline and process.poll() is None:
         if len(list(tmp_path.glob('.unfinished_run/1_expert/episodes*.npz'))) > 1:
             break
         time.sleep(0.05)
     process.send_signal(number)
-    stdout, stderr = process.communicate(timeout=_SECONDS_TO_START)
+    stdout, stderr = process.communicate(timeout=runs.SECONDS_TO_START)
 
     assert process.returncode == 128 + number, stderr
     assert f'Stopped by {number.name}' in stdout
     assert 'The same command continues.' in stdout
     assert 'Traceback' not in stderr
-    summary = _summary(tmp_path)
+    summary = runs.summary(tmp_path)
     finished = summary['episodes_finished']
     assert 8 <= finished < 5000
     assert summary['stopped_by'] == number.name
-    assert _names(tmp_path) == {'.unfinished_run', *_PLAIN_FILES}
+    assert runs.names(tmp_path) == {'.unfinished_run', *runs.PLAIN_FILES}
     with np.load(tmp_path / 'trajectories.npz') as file:
         assert file['reward'].shape == (finished, 5)
 
 
 def test_an_interruption_before_the_first_episode_leaves_earlier_files_alone(tmp_path):
-    run = run_lib.Run(_options(output_dir=str(tmp_path), max_episode_steps=10**6), None)
+    run = run_lib.Run(runs.options(output_dir=str(tmp_path), max_episode_steps=10**6), None)
     (tmp_path / 'summary.json').write_text('{"earlier": true}')
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
@@ -198,147 +156,11 @@ def test_an_interruption_before_the_first_episode_leaves_earlier_files_alone(tmp
         signal.signal(signal.SIGALRM, before)
     run.close()
     assert run.stopped_by == signal.SIGINT
-    assert _names(tmp_path) == {'summary.json'}
-    assert _summary(tmp_path) == {'earlier': True}
+    assert runs.names(tmp_path) == {'summary.json'}
+    assert runs.summary(tmp_path) == {'earlier': True}
 
 
 # -- Without pictures ------------------------------------------------------------------------------
-
-
-def test_pictures_can_be_switched_off(tmp_path):
-    result = _explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='disabled')
-    assert result.returncode == 0, result.stderr
-    assert 'No pictures: MUJOCO_GL=disabled' in result.stdout
-    assert 'apt-get' not in result.stdout
-    assert _names(tmp_path) == _PLAIN_FILES
-    assert _summary(tmp_path)['gl_backend'] is None
-
-
-def test_opengl_is_chosen_before_anything_that_asks_for_it_is_imported():
-    code = (
-        'import runpy, sys\n'
-        'gl = runpy.run_path("fetch_composer/explorer/gl.py")\n'
-        'assert gl["choose"]() and gl["chosen"]() is None\n'
-        'assert not {"fetch_composer", "dm_control", "mujoco"} & set(sys.modules)'
-    )
-    environment = _environment(MUJOCO_GL='off')
-    subprocess.run([sys.executable, '-c', code], env=environment, cwd=_ROOT, check=True)
-
-
-def test_broken_opengl_is_noticed_and_the_rest_is_written(tmp_path):
-    broken = tmp_path / 'broken'
-    broken.mkdir()
-    for name in ('libEGL.so', 'libEGL.so.1', 'libOSMesa.so', 'libOSMesa.so.6', 'libOSMesa.so.8'):
-        (broken / name).write_text('not a library')
-    folder = tmp_path / 'out'
-    result = subprocess.run(
-        [sys.executable, _EXPLORE, '--episodes=1', f'--output_dir={folder}'],
-        env=_environment(LD_LIBRARY_PATH=str(broken)), cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    assert 'apt-get install libegl1 libgl1-mesa-dri' in result.stdout
-    assert 'apt-get install libosmesa6' in result.stdout
-    assert _names(folder) == _PLAIN_FILES
-    assert _names(tmp_path) == {'broken', 'out'}
-
-
-def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
-    result = _explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='nonsense')
-    assert result.returncode == 0, result.stderr
-    assert 'MUJOCO_GL=nonsense is set, and does not work here' in result.stdout
-    assert _names(tmp_path) == _PLAIN_FILES
-
-
-# -- Mistakes --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ('changes', 'message'),
-    [
-        ({'task': 'pusch'}, r"Unknown task 'pusch'; valid are .*push"),
-        ({'policy': ['exprt']}, r"Unknown policy 'exprt'; valid are expert, random, zero"),
-        (
-            {'convention': 'v1'},
-            r"Unknown convention 'v1'; valid are documented, gymnasium_robotics",
-        ),
-        ({'reward_type': 'shaped'}, r"Unknown reward_type 'shaped'; valid are sparse, dense"),
-        ({'camera': 'back'}, r"Unknown camera 'back'; valid are front, corner, .*head_camera"),
-        ({'max_episode_steps': 0}, r'max_episode_steps must be a positive integer.*got 0'),
-        ({'films': 'funny'}, r"Unknown films 'funny'; valid are worst, best, first, all, none"),
-        ({'num_films': 0}, r'num_films must be a positive integer; got 0'),
-        ({'num_envs': -1}, r'num_envs must be a positive integer; got -1'),
-        ({'episodes': 0}, r'episodes must be a positive integer; got 0'),
-        ({'seed': -1}, r'seed must be a non-negative integer; got -1'),
-        ({'width': 0}, r'width must be an even number of pixels from 64 to 3840, got 0'),
-        ({'width': 1_000_000}, r'width must be .* got 1000000'),
-        ({'height': 65}, r'height must be an even number of pixels from 64 to 2160, got 65'),
-        ({'fps': 0}, r'fps must be from 1 to 120'),
-    ],
-)
-def test_a_mistake_is_named_before_anything_is_written(tmp_path, changes, message):
-    folder = tmp_path / 'out'
-    with pytest.raises(ValueError, match=message):
-        run_lib.Run(_options(output_dir=str(folder), **changes), None)
-    assert not folder.exists()
-
-
-def test_what_the_explorer_has_no_flag_for_is_refused():
-    for name, value in (('observation_mode', 'pixels'), ('variations', {})):
-        options = run_lib.Options(task_options=TaskOptions(**{name: value}))
-        with pytest.raises(ValueError, match=f'{name} cannot be chosen.*valid are reward_type,'):
-            options.check()
-    endless = run_lib.Options(task_options=TaskOptions(max_episode_steps=None))
-    with pytest.raises(ValueError, match='max_episode_steps must be a positive integer: episodes'):
-        run_lib.Run(endless, None)
-
-
-@pytest.mark.parametrize(
-    ('flag', 'message'),
-    [
-        ('--gaol=1.3,0.8,0.42', "error: Unknown command line flag 'gaol'. Did you mean: goal"),
-        ('--goal=1.3,here', 'error: flag --goal=1.3,here: must be numbers with commas between'),
-        ('--goal=1.3,0.8', 'error: goal must be 3 finite numbers in m, got (1.3, 0.8)'),
-        ('--object_position=9,9', 'error: object_position [9.0, 9.0] is off the table'),
-        ('--import=nowhere', "error: There is no module 'nowhere' in the working directory"),
-        ('--task=pusch', "error: Unknown task 'pusch'; valid are "),
-        ('--output_dir={file}/out', 'error: Cannot write into --output_dir {file}/out: '),
-        ('pusch', "error: unexpected argument 'pusch'"),
-        ('--policy=math:cos', 'error: policy math:cos, before the first step: TypeError: '),
-    ],
-)
-def test_a_mistake_is_one_line_without_a_traceback(tmp_path, flag, message):
-    file = tmp_path / 'file'
-    file.write_text('earlier')
-    result = _explore(flag.format(file=file), MUJOCO_GL='disabled')
-    assert result.returncode == 1
-    assert message.format(file=file) in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
-    assert _names(tmp_path) == {'file'}
-    assert file.read_text() == 'earlier'
-
-
-def test_a_missing_extra_is_named_with_the_way_to_install_it(tmp_path):
-    (tmp_path / 'tqdm.py').write_text('raise ModuleNotFoundError("No tqdm", name="tqdm")')
-    result = _explore(PYTHONPATH=f'{tmp_path}:{_ROOT}', MUJOCO_GL='disabled')
-    assert result.returncode == 1
-    assert "tqdm is not installed: pip install 'fetch_composer[explore]'" in result.stderr
-    assert 'Traceback' not in result.stderr
-
-
-def test_the_package_itself_needs_no_extra():
-    code = (
-        'import sys, fetch_composer, fetch_composer.policies\n'
-        'needless = {"fetch_composer.explorer", "imageio", "matplotlib", "tqdm", "PIL"}\n'
-        'assert not needless & set(sys.modules), needless & set(sys.modules)'
-    )
-    subprocess.run([sys.executable, '-c', code], env=_environment(MUJOCO_GL='off'), check=True)
-
-
-def test_help_lists_every_flag():
-    result = _explore('--help', MUJOCO_GL='disabled')
-    assert result.returncode == 0 and not result.stderr
-    for name in ('task', 'object_position', 'import', '[no]fresh'):
-        assert f'--{name}: ' in result.stdout
 
 
 # -- As a module -----------------------------------------------------------------------------------
@@ -347,17 +169,26 @@ def test_help_lists_every_flag():
 def _explore_as_module(*flag_words, cwd, **variables):
     return subprocess.run(
         [sys.executable, '-m', 'fetch_composer.explorer', *flag_words],
-        env=_environment(**variables), cwd=cwd, capture_output=True, text=True,
+        env=runs.environment(**variables), cwd=cwd, capture_output=True, text=True,
     )  # fmt: skip
 
 
 def test_the_module_does_what_the_script_does(tmp_path, filmed):
     folder, _ = filmed
-    given = ('--episodes=1', f'--max_episode_steps={_STEPS}', f'--seed={_SEED}', *_SMALL)
+    given = (
+        '--episodes=1',
+        f'--max_episode_steps={runs.STEPS}',
+        f'--seed={runs.SEED}',
+        *runs.SMALL,
+    )
     result = _explore_as_module(*given, f'--output_dir={tmp_path / "out"}', cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert _names(tmp_path / 'out') == {'contact_sheet.png', 'episode_000.mp4', *_PLAIN_FILES}
-    assert _summary(tmp_path / 'out')['gl_backend'] == _summary(folder)['gl_backend']
+    assert runs.names(tmp_path / 'out') == {
+        'contact_sheet.png',
+        'episode_000.mp4',
+        *runs.PLAIN_FILES,
+    }
+    assert runs.summary(tmp_path / 'out')['gl_backend'] == runs.summary(folder)['gl_backend']
     with (
         np.load(folder / 'trajectories.npz') as script,
         np.load(tmp_path / 'out' / 'trajectories.npz') as module,
@@ -377,9 +208,9 @@ def test_the_module_explains_a_mistake_in_one_line_too(tmp_path):
 
 def test_a_replay_command_films_the_episode_that_it_stands_beside(tmp_path, filmed):
     folder, _ = filmed
-    options = flags.make_options(_summary(folder)['flags'])
-    command = shlex.split(flags.replay_command(options, options.policy, _SEED + 1))
-    command.remove(f'--output_dir={folder}/seed_{_SEED + 1}')
+    options = flags.make_options(runs.summary(folder)['flags'])
+    command = shlex.split(flags.replay_command(options, options.policy, runs.SEED + 1))
+    command.remove(f'--output_dir={folder}/seed_{runs.SEED + 1}')
     result = _explore_as_module(*command[3:], f'--output_dir={tmp_path}', cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     with imageio.get_reader(tmp_path / 'episode_000.mp4') as film:
@@ -398,13 +229,13 @@ def test_a_replay_command_films_the_episode_that_it_stands_beside(tmp_path, film
 
 def test_episodes_start_and_aim_where_they_are_told_to(tmp_path):
     given = {'object_position': [1.3, 0.9], 'goal': [1.2, 0.6, 0.4]}
-    run = run_lib.Run(_options(output_dir=str(tmp_path), episodes=2, **given), None)
+    run = run_lib.Run(runs.options(output_dir=str(tmp_path), episodes=2, **given), None)
     run.run()
     run.close()
     with np.load(tmp_path / 'trajectories.npz') as file:
         np.testing.assert_allclose(file['achieved_goal'][:, 0, :2], [[1.3, 0.9]] * 2)
         np.testing.assert_allclose(file['desired_goal'][:, 0], [[1.2, 0.6, 0.4]] * 2)
-    assert _summary(tmp_path)['flags']['goal'] == [1.2, 0.6, 0.4]
+    assert runs.summary(tmp_path)['flags']['goal'] == [1.2, 0.6, 0.4]
 
 
 def test_the_documented_task_of_ones_own_is_explored(tmp_path):
@@ -414,7 +245,7 @@ def test_the_documented_task_of_ones_own_is_explored(tmp_path):
         '--output_dir=out', cwd=tmp_path, MUJOCO_GL='disabled',
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
-    assert _names(tmp_path / 'out') == _PLAIN_FILES
+    assert runs.names(tmp_path / 'out') == runs.PLAIN_FILES
     report = (tmp_path / 'out' / 'report.html').read_text()
     assert '<span>--task=push_through_gate</span>' in report
     assert '<span>--import=gate</span>' in report
@@ -426,11 +257,11 @@ def test_the_documented_task_of_ones_own_is_explored(tmp_path):
 def test_every_task_can_be_explored(tmp_path):
     for task in fetch_composer.ALL:
         folder = tmp_path / task
-        run = run_lib.Run(_options(task=task, policy=['random'], output_dir=str(folder)), None)
+        run = run_lib.Run(runs.options(task=task, policy=['random'], output_dir=str(folder)), None)
         run.run()
         run.close()
-        assert _names(folder) == _PLAIN_FILES
-        assert _summary(folder)['flags']['task'] == task
+        assert runs.names(folder) == runs.PLAIN_FILES
+        assert runs.summary(folder)['flags']['task'] == task
 
 
 def test_an_earlier_run_leaves_no_films_behind_that_could_be_taken_for_new_ones(tmp_path):
@@ -438,11 +269,11 @@ def test_an_earlier_run_leaves_no_films_behind_that_could_be_taken_for_new_ones(
         (tmp_path / name).write_text('earlier')
     files = ['episode_001.mp4', 'contact_sheet.png', 'notes.txt', '../elsewhere']
     (tmp_path / 'summary.json').write_text(json.dumps({'files': files}))
-    run = run_lib.Run(_options(output_dir=str(tmp_path)), None)
+    run = run_lib.Run(runs.options(output_dir=str(tmp_path)), None)
     run.run()
     run.close()
     # Only what the earlier run has listed, and what only a run can have written, is gone.
-    assert _names(tmp_path) == {'episode_000.mp4', 'notes.txt', *_PLAIN_FILES}
+    assert runs.names(tmp_path) == {'episode_000.mp4', 'notes.txt', *runs.PLAIN_FILES}
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path):
@@ -455,7 +286,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
         partial.write_text('ha')
         raise RuntimeError
     assert path.read_text() == 'whole'
-    assert _names(tmp_path) == {'file.txt'}
+    assert runs.names(tmp_path) == {'file.txt'}
 
 
 @pytest.mark.parametrize(('steps', 'shown'), [(50, 8), (7, 8), (3, 4), (1, 2)])
