@@ -78,7 +78,6 @@ class BatchEnvironment:
             )
         self.seed(seed)
         self._identity, self._variations = task_made.identity, task_made.variations
-        self._varies = bool(self._variations)
         self._goals = np.zeros((self._num_envs, 3))
         self._drawn: list[Mapping[str, np.ndarray]] = [{}] * self._num_envs
         # For their next episodes; only a state of a single environment brings any.
@@ -160,7 +159,7 @@ class BatchEnvironment:
 
     def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
         self._reset_next_step[ids] = True  # Until the episodes have started.
-        generators = [self._random_states[i].get_state() for i in ids] if self._varies else []
+        generators = [self._random_states[i].get_state() for i in ids] if self._variations else []
         try:
             drawn = [
                 self._starts.draw(self._random_states[i], each)

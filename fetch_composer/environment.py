@@ -116,7 +116,7 @@ class Environment(composer.Environment):
         """
         task = self._goal_task()
         if self._mjcf_never_compiled:
-            task.identity.check(state)
+            task.check_state(state, self._random_state)
             self.reset()
         task.set_state(self._physics_proxy, state, self._random_state)
         self._reset_next_step = state.is_over

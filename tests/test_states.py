@@ -154,6 +154,15 @@ def test_a_state_of_another_environment_is_refused_and_nothing_changes():
     episodes.assert_same(_follows(env), expected)
 
 
+def test_a_refused_state_leaves_an_environment_that_was_never_reset_as_it_was():
+    varied = fetch_composer.load('push', seed=0, variations={'object_mass': 1.0})
+    varied.reset()
+    env = fetch_composer.load('push', seed=4)
+    with pytest.raises(ValueError, match='varies object_mass'):
+        env.set_state(varied.get_state())
+    episodes.assert_same([env.reset()], [fetch_composer.load('push', seed=4).reset()])
+
+
 @pytest.mark.parametrize('content', [b'', b'PK\x03\x04 cut off'])
 def test_a_file_that_holds_no_state_is_named(tmp_path, content):
     path = tmp_path / 'state.npz'

@@ -73,7 +73,7 @@ class Options:
         Raises `ImportError`, which says what to install, if one needs what is not there.
         """
         for name in ('episodes', 'num_envs', 'num_films', 'supersampling'):
-            checks.positive_integer(name, getattr(self, name))
+            checks.integer(name, getattr(self, name), 1)
         checks.integer('seed', self.seed, 0)
         if not self.policy:
             raise ValueError('policy must name at least one.')

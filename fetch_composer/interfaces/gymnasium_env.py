@@ -54,10 +54,8 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         gymnasium.utils.EzPickle.__init__(
             self, task, render_mode, width, height, camera_name, supersampling, **task_kwargs
         )
-        if render_mode is not None and render_mode not in _RENDER_MODES:
-            raise ValueError(
-                f'Unknown render_mode {render_mode!r}; valid are {", ".join(_RENDER_MODES)}.'
-            )
+        if render_mode is not None:
+            checks.one_of('render_mode', render_mode, _RENDER_MODES)
         # As with any environment of Gymnasium, `gym.make` limits an episode, and nothing else.
         task_kwargs.setdefault('max_episode_steps', None)
         self._env: Any = suite.load(suite.DOMAIN, task, task_kwargs)

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from dm_control.mujoco import engine
 
+from fetch_composer.tasks import checks
+
 _RGB = 3
 
 
@@ -76,9 +78,7 @@ class Camera:
 def check_name(physics: Any, name: str) -> None:
     """Raises `ValueError`, which lists the cameras of a model, if there is none of that name."""
     model = physics.model
-    names = [model.id2name(i, 'camera') for i in range(model.ncam)]
-    if name not in names:
-        raise ValueError(f'Unknown camera {name!r}; valid are {", ".join(names)}.')
+    checks.one_of('camera', name, [model.id2name(i, 'camera') for i in range(model.ncam)])
 
 
 def fit_framebuffer(buffer: Any, height: int, width: int) -> None:

@@ -37,9 +37,12 @@ def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
     return number
 
 
-def positive_integer(name: str, value: Any, otherwise: str = '') -> int:
-    """Returns `integer(name, value, 1, otherwise)`."""
-    return integer(name, value, 1, otherwise)
+def _numbers(value: Any) -> np.ndarray:
+    """Returns numbers as an array; a NaN of no dimension for what is not made of numbers."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return np.array(np.nan)
 
 
 def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -48,10 +51,7 @@ def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.nda
     Raises:
         ValueError: if it is not as many finite numbers as `lower` has, between it and `upper`.
     """
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array(np.nan)
+    array = _numbers(value)
     if array.shape != lower.shape or not np.all(np.isfinite(array)):
         raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {value!r}.')
     if np.any(array < lower) or np.any(array > upper):
@@ -76,10 +76,7 @@ def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | N
     """
     if values is None:
         return [None] * count
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array(np.nan)
+    array = _numbers(values)
     if array.shape not in ((size,), (count, size)):
         raise ValueError(
             f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {values!r}.'
@@ -88,7 +85,7 @@ def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | N
 
 
 def ids(value: Any, count: int) -> np.ndarray:
-    """Returns indices of environments, in order.
+    """Returns indices of environments, in the order in which they are given.
 
     Args:
         value: Distinct integers, a mask of shape (count,), or None for all.

@@ -236,13 +236,17 @@ class GoalTask(composer.Task):
             generator=random_state.get_state(legacy=False),
         )
 
+    def check_state(self, state: state_lib.State, random_state: np.random.RandomState) -> None:
+        """Raises `ValueError`, which says what differs, if a state does not fit."""
+        self.identity.check(state)
+        self.variations.check_drawn(state.variations)
+        seeding.check_generator(random_state, state.generator)
+
     def set_state(
         self, physics, state: state_lib.State, random_state: np.random.RandomState
     ) -> None:
         """Restores a state; see `Environment.set_state`."""
-        self.identity.check(state)
-        self.variations.check_drawn(state.variations)
-        seeding.check_generator(random_state, state.generator)
+        self.check_state(state, random_state)
         random_state.set_state(dict(state.generator))
         if state.variations:
             self._vary(physics, state.variations)

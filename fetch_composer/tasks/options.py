@@ -45,8 +45,8 @@ class TaskOptions:
         checks.one_of('convention', self.convention, conventions.CONVENTIONS)
         checks.one_of('observation_mode', self.observation_mode, pixels_lib.OBSERVATION_MODES)
         if self.max_episode_steps is not None:
-            steps = checks.positive_integer(
-                'max_episode_steps', self.max_episode_steps, 'None for episodes that never end'
+            steps = checks.integer(
+                'max_episode_steps', self.max_episode_steps, 1, 'None for episodes that never end'
             )
             object.__setattr__(self, 'max_episode_steps', steps)
         object.__setattr__(self, 'pixels', pixels_lib.options(self.pixels))

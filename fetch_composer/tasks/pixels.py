@@ -59,7 +59,7 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
         pixels['cameras'] = tuple(pixels['cameras'])
     for name in ('height', 'width', 'supersampling'):
         if name in pixels:
-            pixels[name] = checks.positive_integer(f'The {name} of pixels', pixels[name])
+            pixels[name] = checks.integer(f'The {name} of pixels', pixels[name], 1)
     for name in ('depth', 'segmentation', 'shadows'):
         if name in pixels and not isinstance(pixels[name], (bool, np.bool_)):
             raise ValueError(f'{name} of pixels must be True or False; got {pixels[name]!r}.')
@@ -123,8 +123,7 @@ def observables(mjcf_model: mjcf.RootElement, chosen: PixelOptions) -> dict[str,
     kinds += ['depth'] * chosen.depth + ['segmentation'] * chosen.segmentation
     made = {}
     for name in chosen.cameras:
-        if name not in elements:
-            raise ValueError(f'Unknown camera {name!r}; valid are {", ".join(elements)}.')
+        checks.one_of('camera', name, elements)
         for kind in kinds:
             made[f'{name}_{kind}'] = CameraObservable(elements[name], chosen, kind)
     for each in made.values():

@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from fetch_composer.tasks import checks
 from fetch_composer.tasks.goal_task import GoalTask
 from fetch_composer.tasks.options import NAMES, TaskOptions
 
@@ -85,8 +86,7 @@ def task_class(name: str) -> type[GoalTask]:
     Raises:
         ValueError: if there is none of that name; the message lists the valid ones.
     """
-    if name not in tuple(ALL):
-        raise ValueError(f'Unknown task {name!r}; valid are {", ".join(ALL)}.')
+    checks.one_of('task', name, ALL)
     return _TASKS[name]
 
 

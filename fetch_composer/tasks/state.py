@@ -12,6 +12,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fetch_composer.tasks import drive
+
 _PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _SEPARATOR = '/'
 
@@ -143,7 +145,5 @@ def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 def set_physics(model: mujoco.MjModel, data: mujoco.MjData, physics: np.ndarray) -> None:
     """Puts a simulation into a state, and brings positions and velocities up to date."""
     mujoco.mj_setState(model, data, np.asarray(physics, dtype=np.float64), _PHYSICS)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_comVel(model, data)
+    drive.refresh(model, data)
     mujoco.mj_camlight(model, data)

@@ -59,6 +59,27 @@ def test_the_native_batch_is_what_their_own_vector_of_environments_is():
                 np.testing.assert_allclose(value, expected, rtol=0, atol=1e-9)
 
 
+def test_only_environments_that_are_done_start_anew():
+    env = _vec_env(2)
+    env.seed(4)
+    env.reset()
+    ahead = fetch_composer.load('push', seed=9)
+    episodes.run(ahead, np.zeros((48, 4)))
+    # The first is 48 steps into an episode, the second at its start.
+    env.env.unwrapped.set_states([ahead.get_state()], [0])
+    actions = episodes.uniform_actions(3, batch_shape=(2,))
+    done = []
+    for action in actions:
+        before, _, each, infos = env.step(action)
+        done.append(each.tolist())
+        if each[0]:
+            moved = infos[0]['terminal_observation']['desired_goal'] - before['desired_goal'][0]
+            assert np.abs(moved).max() > 1e-3
+            goal = before['desired_goal'][1]
+    assert done == [[False, False], [True, False], [False, False]]
+    np.testing.assert_array_equal(before['desired_goal'][1], goal)
+
+
 def test_options_reach_the_next_episode_only():
     env = _vec_env(2)
     env.set_options({'goal': (1.3, 0.8, 0.425)})

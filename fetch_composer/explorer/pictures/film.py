@@ -14,6 +14,7 @@ from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import replay
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import contact_sheet
+from fetch_composer.tasks import checks
 from fetch_composer.tasks.camera import Camera
 
 CHOICES = ('worst', 'best', 'first', 'all', 'none')
@@ -27,8 +28,7 @@ _QUALITY = 8  # Of 10.
 
 def check_choice(choice: str) -> None:
     """Raises `ValueError`, which lists the valid ones, if there is no such choice of films."""
-    if choice not in CHOICES:
-        raise ValueError(f'Unknown films {choice!r}; valid are {", ".join(CHOICES)}.')
+    checks.one_of('films', choice, CHOICES)
 
 
 def choose(final_distances: Sequence[Sequence[float]], choice: str, count: int) -> list[int]:
