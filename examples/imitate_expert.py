@@ -4,7 +4,7 @@ pip install -e '.[learn]'
 python examples/imitate_expert.py --task pick_and_place
 
 The network acts, the expert says at each step what it would have done, and that is learned (Ross
-et al., 2011). The expert of Slide follows a plan, which one observation does not tell.
+et al., 2011). This works because each expert acts on the present observation alone.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from fetch_composer.explorer.results import statistics
 from fetch_composer.learning import export, networks, rollout, settings
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument('--task', default='push', help='push, pick_and_place or reach')
+parser.add_argument('--task', default='push', help='name of the task')
 parser.add_argument('--convention', default='documented')
 parser.add_argument('--rounds', type=int, default=60, help='of one episode in each environment')
 parser.add_argument('--seed', type=int, default=0)

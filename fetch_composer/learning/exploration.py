@@ -51,12 +51,18 @@ class Explorer:
         self._settings = settings
         self._generator = generator
         self._relay = relay
-        # From the first environment to the last, noise grows: some episodes show what the policy
-        # does nearly undisturbed, and others what else could be done.
-        self._boldness = np.linspace(settings.least_noise, 1, settings.num_envs)
 
-    def begin(self, observation: np.ndarray) -> None:
-        """Draws what holds for an episode; `observation` is its first, (num_envs, size)."""
+    def begin(self, observation: np.ndarray, falling: float = 0.0) -> None:
+        """Draws what holds for an episode.
+
+        Args:
+            observation: (num_envs, size) the first of each environment.
+            falling: How far the second half of a run is through, from 0 to 1.
+        """
+        # In the end some episodes show what the policy does nearly undisturbed, and others still
+        # what else could be done.
+        calmest = np.linspace(self._settings.final_noise, 1, len(observation))
+        self._boldness = 1 - falling * (1 - calmest)
         if self._relay is None:
             return
         count, draw = len(observation), self._generator

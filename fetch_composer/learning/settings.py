@@ -13,7 +13,7 @@ HELD_OUT_SEEDS = range(1_000_000, 1_001_000)  # Used once, when all is learned.
 
 _SHARES = (
     'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',
-    'least_noise', 'relay_share',
+    'final_noise', 'relay_share',
 )  # fmt: skip
 
 
@@ -42,8 +42,9 @@ class Settings:
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
         uniform_share: Share of actions that are drawn uniformly while exploring.
-        least_noise: Share of `noise` and `uniform_share` in the first environment; it grows to
-            1 in the last.
+        final_noise: Share of `noise` and `uniform_share` that is left in the first environment at
+            the end of a run. It falls to that over the second half, in each further environment
+            less, and not at all in the last.
         relay_share: Share of exploring episodes that begin by reaching for the object.
         relay_steps: Control steps for which Reach is learned before, for the relay.
         relay_spread: They reach for a place up to this many m beside it.
@@ -71,7 +72,7 @@ class Settings:
     lifted_share: float = 0.0
     noise: float = 0.2
     uniform_share: float = 0.3
-    least_noise: float = 1.0
+    final_noise: float = 1.0
     relay_share: float = 0.5
     relay_steps: int = 16_000
     relay_spread: float = 0.06

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from concurrent import futures
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import numpy as np
 
 from fetch_composer import batch as batch_lib
 from fetch_composer.learning import exploration, networks, replay, rollout, td3
+from fetch_composer.learning.replay import Episodes
 from fetch_composer.learning.settings import TRAINING_SEEDS, TUNING_SEEDS, Settings
 
 _MOST_UPDATES_AT_ONCE = 200  # Their transitions are in memory at the same time.
@@ -49,10 +51,13 @@ class Trainer:
             max_episode_steps=settings.episode_steps,
         )
         (size,) = self._batch.single_observation_spec()['observation'].shape
-        self._generator = np.random.Generator(np.random.PCG64(seed))
+        seeds = np.random.SeedSequence(seed).spawn(2)
+        # Two, since exploring and updates go on at the same time.
+        self._generator, self._exploring_generator = map(np.random.default_rng, seeds)
         self._replay = replay.HindsightReplay(settings, settings.episode_steps, size)
         self._statistics = networks.FeatureStatistics(networks.num_features(size))
-        self._explorer = exploration.Explorer(settings, self._generator, relay)
+        self._explorer = exploration.Explorer(settings, self._exploring_generator, relay)
+        self._explorations = futures.ThreadPoolExecutor(max_workers=1)
         self._learner = td3.init(seed, settings, networks.num_features(size))
         self._successes: list[float] = []
         self.iterations = 0
@@ -80,47 +85,68 @@ class Trainer:
         return networks.Policy(self._learner.target_actor, self._statistics.scale())
 
     @property
+    def _generators(self) -> tuple[np.random.Generator, np.random.Generator]:
+        return self._generator, self._exploring_generator
+
+    @property
     def exploring_success(self) -> float:
         """Share of the last iterations' episodes that ended at their goal."""
         return float(np.mean(self._successes[-_RECENT:]))
 
     def iterate(self) -> None:
-        """Explores for one episode in every environment, then makes updates.
+        """Explores for one episode in every environment, and makes updates meanwhile.
+
+        The updates learn from the episodes before these: so neither waits for the other, and a
+        second processor is of use.
 
         Raises:
             DivergedError: if the loss is not a number.
         """
-        settings = self.settings
-        is_random = self.iterations < settings.random_iterations
-        policy = None if is_random else self.policy
-        seeds = self._generator.integers(len(TRAINING_SEEDS), size=settings.num_envs)
-        episodes = rollout.run_episodes(
-            self._batch,
-            seeds.tolist(),
-            settings.episode_steps,
-            lambda observation, goal: self._explorer.act(policy, observation, goal),
-            self._explorer.begin,
-        )
+        exploring = self._explorations.submit(self._explore, self._acting_policy())
+        try:
+            if self.iterations >= self.settings.random_iterations:
+                self._update()
+        finally:
+            episodes = exploring.result()
         self.gripper_start = episodes.observations[0, 0, :2]
         self._replay.add(episodes)
         self._statistics.add(episodes.observations, episodes.goals)
         self._successes.append(float(episodes.is_success().mean()))
         self.iterations += 1
-        if self.iterations >= settings.random_iterations:
-            self._update()
+
+    def _acting_policy(self) -> networks.Policy | None:
+        """Returns a copy of the policy, which updates leave alone; None for random actions."""
+        if self.iterations < self.settings.random_iterations:
+            return None
+        return jax.tree.map(np.array, self.policy)
+
+    def _explore(self, policy: networks.Policy | None) -> Episodes:
+        settings, draw = self.settings, self._exploring_generator
+        seeds = draw.integers(len(TRAINING_SEEDS), size=settings.num_envs)
+        return rollout.run_episodes(
+            self._batch,
+            seeds.tolist(),
+            settings.episode_steps,
+            lambda observation, goal: self._explorer.act(policy, observation, goal),
+            lambda observation: self._explorer.begin(observation, self._falling),
+        )
 
     def _update(self) -> None:
         settings = self.settings
         cycles = settings.updates_per_step * self._steps_per_iteration / settings.actor_delay
         num_scans = int(np.ceil(cycles * settings.actor_delay / _MOST_UPDATES_AT_ONCE))
         shape = (max(round(cycles / num_scans), 1), settings.actor_delay, settings.batch_size)
-        scale, rate, losses = self._statistics.scale(), self._learning_rate(), []
-        for _ in range(num_scans):
+        scale, rate = self._statistics.scale(), self._learning_rate()
+        losses: list[jax.Array] = []
+        for i in range(num_scans):
+            # Drawn while the updates before are under way; no more than these are in memory.
             transitions = self._replay.sample(self._generator, shape)
+            if i > 0:
+                losses[-1].block_until_ready()
             self._learner, loss = td3.update(self._learner, transitions, scale, rate, settings)
-            losses.append(float(loss))
+            losses.append(loss)
             self.updates += shape[0] * shape[1]
-        self.loss = float(np.mean(losses))
+        self.loss = float(np.mean([float(each) for each in losses]))
         if not all(np.isfinite(each).all() for each in jax.tree.leaves(self._learner.actor)):
             self.loss = np.nan
         if not np.isfinite(self.loss):
@@ -129,13 +155,16 @@ class Trainer:
                 'number. Lower the learning_rate, or try another seed.'
             )
 
+    @property
+    def _falling(self) -> float:
+        """How far the second half of the run is through, from 0 to 1; 0 before it begins."""
+        done = self.environment_steps / self.settings.environment_steps
+        return min(max(2 * done - 1, 0), 1)
+
     def _learning_rate(self) -> float:
         """Returns the step size: constant, then falling in a straight line to the end."""
-        settings = self.settings
-        done = self.environment_steps / settings.environment_steps
-        falling = min(max(2 * done - 1, 0), 1)
-        first, last = settings.learning_rate, settings.final_learning_rate
-        return first + falling * (last - first)
+        first, last = self.settings.learning_rate, self.settings.final_learning_rate
+        return first + self._falling * (last - first)
 
     def evaluate(self, seeds: range | None = None) -> np.ndarray:
         """Returns whether episodes end at their goal, of the tuning seeds unless others are given.
@@ -148,6 +177,7 @@ class Trainer:
 
     def close(self) -> None:
         """Frees the simulations."""
+        self._explorations.shutdown()
         self._batch.close()
 
     def state(self) -> dict[str, np.ndarray]:
@@ -157,7 +187,9 @@ class Trainer:
             **{f'replay/{name}': each for name, each in self._replay.state().items()},
             'statistics/sums': self._statistics.sums,
             'statistics/count': np.array(self._statistics.count),
-            'generator': np.array(json.dumps(self._generator.bit_generator.state)),
+            'generators': np.array(
+                [json.dumps(each.bit_generator.state) for each in self._generators]
+            ),
             'successes': np.array(self._successes),
             'iterations': np.array(self.iterations),
             'updates': np.array(self.updates),
@@ -171,7 +203,8 @@ class Trainer:
         self._replay.restore({name: state[f'replay/{name}'] for name in names})
         self._statistics.sums = state['statistics/sums']
         self._statistics.count = int(state['statistics/count'])
-        self._generator.bit_generator.state = json.loads(str(state['generator']))
+        for generator, kept in zip(self._generators, state['generators'], strict=True):
+            generator.bit_generator.state = json.loads(str(kept))
         self._successes = state['successes'].tolist()
         self.iterations = int(state['iterations'])
         self.updates = int(state['updates'])

@@ -7,7 +7,7 @@ depends only on how hard the hit is.
 """
 
 import dataclasses
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -30,6 +30,8 @@ _HITTING_HEIGHT = 0.4235
 _TRAIL = 0.01
 _OVER = 0.015  # So near to the place where they press, the fingers go down on the puck.
 _BUMPING = 0.09  # Low fingers that are this near to the puck's centre go up, and nowhere else.
+_STILL_OVER = 0.03  # Fingers that have crept no further than this are still on the puck ...
+_PRESSING = (0.44, _TOUCHING)  # ... at heights between these.
 _ARRIVED = 0.006  # From the puck to where a drag ends.
 _AT_REST = 0.004  # m per control step
 
@@ -37,26 +39,33 @@ _AT_REST = 0.004  # m per control step
 # finger hits alone: between the two is a slit of 0.002 m, in which the puck would jam.
 _BEHIND = np.array((-0.0465, 0.0125))
 _CLEAR = 0.042  # A gripper that is this far behind the puck can go down.
-_READY = 0.0025  # From where a hit begins ...
-_STILL = 0.002  # ... and in m per control step.
+_LOW = 0.435  # Below this the gripper, still sinking, begins to hit ...
+_ALIGNED = 0.006  # ... if it is no further from where a hit begins.
+_STILL = 0.001  # m per control step
+_LEFT_BEHIND = 0.014  # A puck at rest that is further from where a drag ends is dragged again.
 
-# A hit is _HIT_STEPS times the same action. Its strength, from 0 to 1, makes the puck glide
-# _FURTHEST_GLIDE * strength ** _EXPONENT m.
-_HIT_STEPS = 2
+# A hit is two steps of one strength, from 0 to 1, which makes the puck glide
+# _FURTHEST_GLIDE * strength ** _EXPONENT m. The second makes up for what the first lacked.
 _FURTHEST_GLIDE = 0.62
 _EXPONENT = 1.85
 _PREFERRED_GLIDE = 0.15  # Where there is a choice: the error grows with the glide.
+_FIRST_SPEED = 0.0258  # m per control step of the gripper after a first step of strength 1 ...
+_FIRST_WAY = 1.16  # ... and its way in m for each m per control step of that.
+_TOUCHES = 0.015  # m from where a hit begins: the puck may still be at the finger ...
+_RUNS_AHEAD = 1.65  # ... unless it is so many times as fast.
+_SECOND_FOR_FIRST = 0.6  # How much of the second step does what one of the first would have done.
+
+# After a hit the puck is on its way, or has arrived.
+_HIT = 0.03  # m past the end of its drag.
+_AT_GOAL = 0.04  # m
+_LOST = 1.2  # x in m, beyond which no gripper gets on top of it.
 
 
 class SlideExpert:
-    """Plays one plan an episode, each of whose actions depends on what is observed."""
-
-    def __init__(self) -> None:
-        self.reset()
+    """Drags and hits; each action depends on the present observation alone."""
 
     def reset(self) -> None:
-        """Forgets the episode so far; call it at the start of each."""
-        self._plan: Generator[np.ndarray, _View, None] | None = None
+        """Does nothing: it keeps nothing from one step to the next."""
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """Returns an action, (4,) float32, for an observation of Slide in either convention."""
@@ -68,10 +77,20 @@ class SlideExpert:
             puck_velocity=(seen[AT.object_velocity] + seen[AT.grip_velocity])[:2],
             goal=observation['desired_goal'][:2],
         )
-        if self._plan is None:
-            self._plan = _plan(view)
-            return next(self._plan)
-        return self._plan.send(view)
+        end, is_goal = _end_of_drag(view.goal)
+        if _is_on_top(view, end) and (is_goal or not _lies_at(end, view)):
+            return _drag(view, end)
+        if is_goal:
+            return _get_on_top(view, end)
+        if _is_hitting(view):
+            return _hit_on(view)
+        if _is_at_rest(view) and _furthest(end - view.puck) < _LEFT_BEHIND:
+            if _is_behind(view) and _is_still(view):
+                return _hit(_strength(view, view.puck[0]))
+            return _get_behind(view)
+        if view.puck[0] > end[0] + _HIT and not (_is_at_rest(view) and _is_worth_another(view)):
+            return motion.move(np.zeros(3))
+        return _get_on_top(view, end)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,22 +102,6 @@ class _View:
     puck: np.ndarray
     puck_velocity: np.ndarray
     goal: np.ndarray
-
-
-def _plan(view: _View) -> Generator[np.ndarray, _View, None]:
-    """Yields an action for each view that is sent."""
-    end, is_goal = _end_of_drag(view.goal)
-    while view.gripper[2] > _TOUCHING or _furthest(_way_on_top(view, end)) > _OVER:
-        view = yield _get_on_top(view, end)
-    while is_goal or not _lies_at(end, view):
-        view = yield _drag(view, end)
-    while _furthest(_way_behind(view)) > _READY or _furthest(view.gripper_velocity) > _STILL:
-        view = yield _get_behind(view)
-    hit = _hit(view)
-    for _ in range(_HIT_STEPS):
-        view = yield hit
-    while True:
-        view = yield motion.move(np.zeros(3))
 
 
 def _end_of_drag(goal: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -133,7 +136,22 @@ def _drag(view: _View, end: np.ndarray) -> np.ndarray:
 
 
 def _lies_at(end: np.ndarray, view: _View) -> bool:
-    return _furthest(end - view.puck) < _ARRIVED and _furthest(view.puck_velocity) < _AT_REST
+    return _furthest(end - view.puck) < _ARRIVED and _is_at_rest(view)
+
+
+def _is_at_rest(view: _View) -> bool:
+    return _furthest(view.puck_velocity) < _AT_REST
+
+
+def _is_on_top(view: _View, end: np.ndarray) -> bool:
+    """Returns whether the fingers press on the puck, or nearly so."""
+    presses = _PRESSING[0] < view.gripper[2] < _PRESSING[1]
+    return presses and _furthest(_way_on_top(view, end)) < _STILL_OVER
+
+
+def _is_worth_another(view: _View) -> bool:
+    """Returns whether a puck at rest is neither at its goal nor out of reach."""
+    return np.linalg.norm(view.goal - view.puck) > _AT_GOAL and view.puck[0] < _LOST
 
 
 def _way_behind(view: _View) -> np.ndarray:
@@ -143,15 +161,44 @@ def _way_behind(view: _View) -> np.ndarray:
 
 def _get_behind(view: _View) -> np.ndarray:
     way = _way_behind(view)
-    if view.gripper[0] > view.puck[0] - _CLEAR:
+    is_clear = view.gripper[0] < view.puck[0] - _CLEAR
+    if not is_clear or _furthest(way[:2]) > motion.FURTHEST:
         way[2] = _TRAVEL_HEIGHT - view.gripper[2]
     return motion.move(way)
 
 
-def _hit(view: _View) -> np.ndarray:
-    glide = np.clip(view.goal[0] - view.puck[0], 0.0, _FURTHEST_GLIDE)
-    strength = (glide / _FURTHEST_GLIDE) ** (1 / _EXPONENT)
-    return np.array((strength, 0.0, 0.0, 0.0), dtype=np.float32)
+def _is_behind(view: _View) -> bool:
+    return view.gripper[2] < _LOW and _furthest(_way_behind(view)[:2]) < _ALIGNED
+
+
+def _is_still(view: _View) -> bool:
+    """Returns whether nothing moves sideways, which would send the puck there."""
+    return max(abs(view.gripper_velocity[1]), _furthest(view.puck_velocity)) < _STILL
+
+
+def _hit(strength: float) -> np.ndarray:
+    return np.array((np.clip(strength, -1, 1), 0.0, 0.0, 0.0), dtype=np.float32)
+
+
+def _strength(view: _View, start: float) -> float:
+    """Returns how hard to hit a puck that starts at `start`, an x in m."""
+    glide = np.clip(view.goal[0] - start, 0.0, _FURTHEST_GLIDE)
+    return float((glide / _FURTHEST_GLIDE) ** (1 / _EXPONENT))
+
+
+def _is_hitting(view: _View) -> bool:
+    """Returns whether a hit has had its first step, and not its second."""
+    speed, beside = view.gripper_velocity[:2]
+    is_there = view.gripper[2] < _LOW and _furthest(_way_behind(view)[:2]) < _TOUCHES
+    is_coming = speed > _AT_REST > abs(beside)
+    return is_there and is_coming and view.puck_velocity[0] < _RUNS_AHEAD * speed
+
+
+def _hit_on(view: _View) -> np.ndarray:
+    speed = view.gripper_velocity[0]
+    start = view.gripper[0] - _FIRST_WAY * speed - _BEHIND[0]
+    strength = _strength(view, start)
+    return _hit(strength + _SECOND_FOR_FIRST * (strength - speed / _FIRST_SPEED))
 
 
 def _furthest(vector: np.ndarray) -> float:
