@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves test test-only test-clients check format gallery build bench parity clean peers gl
+.PHONY: help explore learn curves test test-only test-clients check format gallery build bench parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -69,6 +69,9 @@ bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPo
 
 parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajectories with Gymnasium-Robotics, live.
 	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python --write docs/conventions.md
+
+transfer: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Run the trained policies in Gymnasium-Robotics.
+	MUJOCO_GL=disabled $(BIN)/python -m benchmarks.transfer --peer .venv-gymnasium_robotics_current/bin/python --write docs/learning.md
 
 clean:  ## Remove everything that was made, the virtual environments included.
 	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache

@@ -116,19 +116,17 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # A grasp is a rare accident. The relay brings the open gripper right to the block, and what
     # was lifted is rehearsed more often.
     'pick_and_place': {
-        'environment_steps': 800_000,
+        'environment_steps': 600_000,
         'relay_spread': 0.02,
         'lifted_share': 0.2,
         'evaluate_every': 10,
     },
-    # The puck glides for most of an episode, and what it does then was decided long before: rewards
-    # are summed over several steps, and weigh longer. Noise spoils a hit, and so some environments
-    # have next to none.
+    # The puck glides for most of an episode, and what it does then was decided long before: later
+    # rewards weigh more. Noise spoils a hit, and so it fades once hits are known.
     'slide': {
         'environment_steps': 2_500_000,
         'discount': 0.97,
-        'return_steps': 3,
-        'least_noise': 0.0,
+        'final_noise': 0.0,
         'evaluate_every': 20,
     },
 }

@@ -151,7 +151,7 @@ def _is_on_top(view: _View, end: np.ndarray) -> bool:
 
 def _is_worth_another(view: _View) -> bool:
     """Returns whether a puck at rest is neither at its goal nor out of reach."""
-    return np.linalg.norm(view.goal - view.puck) > _AT_GOAL and view.puck[0] < _LOST
+    return bool(np.linalg.norm(view.goal - view.puck) > _AT_GOAL) and view.puck[0] < _LOST
 
 
 def _way_behind(view: _View) -> np.ndarray:
