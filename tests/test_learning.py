@@ -102,7 +102,6 @@ def test_every_reward_is_what_the_environment_gives_for_the_goal():
     np.testing.assert_array_equal(drawn.reward, fetch_composer.compute_reward(achieved, drawn.goal))
     assert 0 < np.mean(drawn.reward == 0) < 1
     assert drawn.action.shape == (40, 50, 4)
-    np.testing.assert_allclose(drawn.discount, settings.for_task('push').discount)
 
 
 def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():
@@ -119,21 +118,6 @@ def test_without_hindsight_goals_are_the_episodes_own():
     episodes = _episodes()
     drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))
     assert {tuple(goal) for goal in drawn.goal} <= {tuple(goal) for goal in episodes.goals}
-
-
-def test_rewards_of_several_steps_are_discounted_and_end_with_the_episode():
-    episodes = _episodes(number=1, steps=5)
-    buffer = _buffer(episodes, return_steps=3, hindsight_share=0.0, discount=0.5)
-    drawn = buffer.sample(np.random.default_rng(1), (100,))
-    rewards = fetch_composer.compute_reward(episodes.observations[0, 1:, 3:6], episodes.goals[0])
-    for i in range(100):
-        (time,) = np.nonzero((episodes.observations[0] == drawn.observation[i]).all(-1))[0]
-        span = min(3, 5 - time)
-        assert drawn.reward[i] == rewards[time : time + span] @ 0.5 ** np.arange(span)
-        assert drawn.discount[i] == 0.5**span
-        np.testing.assert_array_equal(
-            drawn.next_observation[i], episodes.observations[0, time + span]
-        )
 
 
 def test_the_share_from_episodes_that_moved_the_object_is_kept():

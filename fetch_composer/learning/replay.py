@@ -38,10 +38,9 @@ class Transitions(NamedTuple):
     Attributes:
         observation: (..., size) before the action.
         action: (..., 4)
-        goal: (..., 3) the goal that the rewards are about.
-        reward: (...,) discounted sum of the rewards until `next_observation`.
+        goal: (..., 3) the goal that the reward is about.
+        reward: (...,) after the action.
         next_observation: (..., size)
-        discount: (...,) weight of what is expected from `next_observation` on.
     """
 
     observation: np.ndarray
@@ -49,7 +48,6 @@ class Transitions(NamedTuple):
     goal: np.ndarray
     reward: np.ndarray
     next_observation: np.ndarray
-    discount: np.ndarray
 
 
 class HindsightReplay:
@@ -111,21 +109,13 @@ class HindsightReplay:
         achieved_later = networks.achieved_goal(observations[episode, later])
         goal = np.where(in_hindsight[:, None], achieved_later, goals[episode])
 
-        span = np.minimum(settings.return_steps, steps - time)
-        reward = np.zeros(count, np.float32)
-        for i in range(settings.return_steps):
-            after = np.minimum(time + i + 1, steps)
-            achieved = networks.achieved_goal(observations[episode, after])
-            each = settings.discount**i * rewards.compute_reward(achieved, goal)
-            reward += np.where(i < span, each, 0).astype(np.float32)
-
+        reached = networks.achieved_goal(observations[episode, time + 1])
         drawn = Transitions(
             observation=observations[episode, time],
             action=actions[episode, time],
             goal=goal,
-            reward=reward,
-            next_observation=observations[episode, time + span],
-            discount=(settings.discount**span).astype(np.float32),
+            reward=rewards.compute_reward(reached, goal).astype(np.float32),
+            next_observation=observations[episode, time + 1],
         )
         return Transitions(*(each.reshape(*shape, *each.shape[1:]) for each in drawn))
 

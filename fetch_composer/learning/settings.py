@@ -32,7 +32,6 @@ class Settings:
         learning_rate: Step size of Adam.
         final_learning_rate: What it falls to, in a straight line, over the second half of a run.
         discount: Weight of a reward one control step later.
-        return_steps: Rewards that are summed up before the critics' own estimate takes over.
         target_rate: Share by which target networks approach the networks in an update.
         actor_delay: Updates of the critics for each one of the actor.
         action_cost: Weight of the mean squared action in the actor's loss.
@@ -62,7 +61,6 @@ class Settings:
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4
     discount: float = 0.96
-    return_steps: int = 1
     target_rate: float = 0.01
     actor_delay: int = 2
     action_cost: float = 0.05

@@ -101,7 +101,7 @@ def _update_critics(
     next_x = scale.normalize(batch.next_observation, batch.goal)
     next_action = networks.act(learner.target_actor, next_x)
     next_values = [networks.value(each, next_x, next_action) for each in learner.target_critics]
-    target = batch.reward + batch.discount * functools.reduce(jnp.minimum, next_values)
+    target = batch.reward + settings.discount * functools.reduce(jnp.minimum, next_values)
     # With rewards of -1 and 0 no return lies outside.
     target = jnp.clip(target, -1 / (1 - settings.discount), 0)
 
