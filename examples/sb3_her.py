@@ -16,6 +16,7 @@ from matplotlib import pyplot as plt
 from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common import env_checker
 
+from fetch_composer.explorer.episodes import seeds
 from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -30,7 +31,7 @@ parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
 
 def success_rate(model: SAC, env: SB3VecEnv) -> float:
     """Returns how often the policy's mean action succeeds in one episode of each environment."""
-    env.seed(1_000_000)
+    env.seed(seeds.TUNING.start)
     observation, done = env.reset(), np.array([False])
     while not done.any():
         action, _ = model.predict(observation, deterministic=True)
