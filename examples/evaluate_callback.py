@@ -8,6 +8,7 @@ import argparse
 import pathlib
 
 import gymnasium as gym
+import torch
 from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -46,6 +47,7 @@ class Evaluate(BaseCallback):
 
 
 def main(args: argparse.Namespace) -> None:
+    torch.set_num_threads(1)  # The networks are small: more threads wait for one another.
     args.output.parent.mkdir(parents=True, exist_ok=True)
     env = SB3VecEnv(gym.make_vec(gymnasium_ids.env_id(args.task), num_envs=16))
     model = SAC(

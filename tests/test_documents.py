@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks import markdown, report, rows
+from docs import make_results
 from fetch_composer import tasks
 from fetch_composer.tasks import layout, pixels, variations
 
@@ -142,8 +143,9 @@ def _observation_rows() -> list[list[str]]:
         (_DOCS / 'speed.md', report.SPEED_TABLE),
         (_README, report.SPEED_SUMMARY),
         (_DOCS / 'conventions.md', 'parity table: made by make parity'),
+        (_DOCS / 'results.md', make_results.TABLE),
     ),
-    ids=('speed', 'summary', 'parity'),
+    ids=('speed', 'summary', 'parity', 'results'),
 )
 def test_tables_of_figures_have_their_places(page, name):
     assert markdown.has_markers(page, name)

@@ -23,8 +23,6 @@ from fetch_composer.tasks import TaskOptions
 _OF_MANY_EPISODES = frozenset(
     ('episodes', 'standard', 'num_envs', 'films', 'num_films', 'ray', 'dataset', 'output_dir')
 )
-# Defaults that are others in the standard evaluation.
-_OF_STANDARD = {'films': 'none', **standard.FIXED}
 _OF_THE_COMMAND = {
     'fresh': 'Whether to discard an unfinished run in the folder, rather than to continue it',
     'help': 'Whether to list the flags, and do nothing else',
@@ -175,7 +173,7 @@ def make_options(values: Mapping[str, Any]) -> Options:
         valid = ', '.join(each.name for each in _FLAGS)
         raise ValueError(f'Unknown option {", ".join(map(repr, unknown))}; valid are {valid}.')
     if values.get('standard'):
-        values = {**_OF_STANDARD, **values}
+        values = {'films': 'none', **standard.FIXED, **values}
     fields: dict[bool, dict[str, Any]] = {False: {}, True: {}}
     for each in _FLAGS:
         if each.name in values:

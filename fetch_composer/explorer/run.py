@@ -84,15 +84,9 @@ class Run:
     @property
     def results(self) -> list[str]:
         """Says how the finished episodes of each policy went."""
-        finished = [each for each in self.candidates if each.episodes]
-        if self.options.standard and self._is_complete:
-            return standard.table(
-                [
-                    evaluation.of_episodes(self.options.of_episodes(each.policy), each.episodes)
-                    for each in finished
-                ]
-            )
-        return [titles.result(each) for each in finished]
+        if self._has_standard:
+            return standard.table(self._evaluations())
+        return [titles.result(each) for each in self.candidates if each.episodes]
 
     def run(self) -> list[writing.Written]:
         """Runs the episodes that are not finished yet, and writes the files.
@@ -130,6 +124,16 @@ class Run:
                 written.extend(self._write_dataset())
                 self._store.discard()
             return written
+
+    @property
+    def _has_standard(self) -> bool:
+        return self.options.standard and self._is_complete
+
+    def _evaluations(self) -> list[evaluation.Evaluation]:
+        return [
+            evaluation.of_episodes(self.options.of_episodes(each.policy), each.episodes)
+            for each in self.candidates
+        ]
 
     @property
     def _is_complete(self) -> bool:
@@ -245,8 +249,11 @@ class Run:
             'wall_seconds': round(wall_seconds, 2),
             'gl_backend': self._gl_backend,
             'versions': origins.versions(),
+            'code': origins.code_digest(),
             **summary.of_run(candidates, comparisons),
         }
+        if self._has_standard:
+            figures['standard'] = [standard.cells(each) for each in self._evaluations()]
         pages = {writing.REPORT: report, writing.REPLAY: replay}
         return writing.write(self.options.folder, candidates, setting, pages, figures)
 
