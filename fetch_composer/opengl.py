@@ -5,9 +5,12 @@ nothing else.
 """
 
 import os
+import warnings
 
 try:
-    import dm_control.mujoco  # noqa: F401
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # GLFW's, where there is no display.
+        import dm_control.mujoco  # noqa: F401
 except Exception as error:
     if not os.environ.get('MUJOCO_GL'):
         raise

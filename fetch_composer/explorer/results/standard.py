@@ -37,7 +37,7 @@ def cells(evaluation: Evaluation) -> tuple[str, ...]:
     return (
         evaluation.task,
         evaluation.convention,
-        evaluation.policy.replace('|', r'\|'),
+        ' '.join(evaluation.policy.split()).replace('|', r'\|'),
         f'{100 * rate.value:.1f} ({100 * rate.low:.1f}–{100 * rate.high:.1f})',
         f'{evaluation.mean_return.value:.1f}',
         f'{100 * evaluation.final_distance.value:.2f}',
