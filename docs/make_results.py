@@ -25,10 +25,10 @@ _TRAINED = pathlib.Path(policies.__file__).parent / 'trained'
 _TASKS = ('reach', 'push', 'slide', 'pick_and_place')
 _POLICIES = ('random', 'expert', 'trained')
 
-_parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-_parser.add_argument('--runs', type=pathlib.Path, default='output/results', help='their folder')
-_parser.add_argument('--page', type=pathlib.Path, default=_PAGE, help='the page to write into')
-_parser.add_argument('--tasks', nargs='+', default=_TASKS)
+parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+parser.add_argument('--runs', type=pathlib.Path, default='output/results', help='their folder')
+parser.add_argument('--page', type=pathlib.Path, default=_PAGE, help='the page to write into')
+parser.add_argument('--tasks', nargs='+', default=_TASKS)
 
 
 def _evaluate(folder: pathlib.Path, task: str, convention: str) -> dict[str, Any]:
@@ -74,4 +74,4 @@ def main(args: argparse.Namespace) -> None:
 
 
 if __name__ == '__main__':
-    main(_parser.parse_args())
+    main(parser.parse_args())

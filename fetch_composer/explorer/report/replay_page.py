@@ -104,8 +104,8 @@ def render(takes: Sequence[Take], env: Any, camera: str, title: str) -> str:
             f"{error.name} is not installed: pip install 'fetch_composer[explore]'"
         ) from None
     paths = [_path(env, take.episode) for take in takes]
-    shown = list(solids.of_model(env.physics.model))
     try:
+        shown = list(solids.of_model(env.physics.model))
         with _server(viser) as server:
             _look(server, env.physics, camera)
             frames = _build(server, env.physics.model, shown)
@@ -117,7 +117,7 @@ def render(takes: Sequence[Take], env: Any, camera: str, title: str) -> str:
                     page = recording.as_html()
                 else:
                     recordings[take.key] = base64.b64encode(recording.serialize()).decode()
-    except Exception as error:  # Of whatever it does with sockets and threads.
+    except Exception as error:  # Of its sockets and threads, or of a model it cannot show.
         raise ReplayPageError(f'viser failed: {type(error).__name__}: {error}') from error
     return _completed(page, takes, recordings, title)
 
