@@ -112,6 +112,7 @@ def test_one_that_may_remember_its_episode_plays_one_after_the_other():
         ({'steps': 3}, "Unknown option 'steps'; of a task, valid are reward_type,"),
         ({'seeds': []}, 'seeds must name at least one'),
         ({'policy': 3}, "'int' cannot be called"),
+        ({'vectorized': True}, 'vectorized is for a function'),
         ({'policy': 'exprt'}, "Unknown policy 'exprt'; valid are"),
         ({'max_episode_steps': None}, 'max_episode_steps must be a positive integer'),
     ],

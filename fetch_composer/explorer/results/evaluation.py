@@ -106,6 +106,8 @@ def evaluate(
             f'Unknown option {", ".join(map(repr, unknown))}; of a task, valid are '
             f'{", ".join(OPTION_NAMES)}.'
         )
+    if vectorized and not callable(policy):
+        raise ValueError('vectorized is for a function; what is named or loaded knows by itself.')
     name, load_policy = policy, None
     if not isinstance(policy, str):
         name = policies.given.name(policy)
