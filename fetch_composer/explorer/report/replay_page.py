@@ -12,6 +12,7 @@ import io
 import itertools
 import pathlib
 import re
+import threading
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -37,6 +38,7 @@ _LINE_WIDTH = 0.006  # m
 _LINE_COLOUR = (240, 180, 0)
 _DISTANCE = 1.3  # m from the camera to what it turns about.
 _LEAST_MOTION = 1e-6  # m, or of a quaternion.
+_SECONDS_TO_STOP = 10
 _REST = 0.6  # s at the end, before it begins anew.
 
 
@@ -134,12 +136,15 @@ def _path(env: Any, episode: Episode) -> np.ndarray:
 @contextlib.contextmanager
 def _server(viser: Any) -> Iterator[Any]:
     """Gives a server on this machine's own address; what it has to say is kept quiet."""
+    before = set(threading.enumerate())
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=_LOOPBACK, port=0, verbose=False)
         try:
             yield server
         finally:
             server.stop()
+            for each in set(threading.enumerate()) - before:  # It says so last of all.
+                each.join(_SECONDS_TO_STOP)
 
 
 def _look(server: Any, physics: Any, camera: str) -> None:
