@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves test test-only test-clients check format gallery build bench parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients check format gallery build bench parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -52,6 +52,9 @@ learn: $(VENV)/.learn  ## Learn Push from nothing; about five minutes.
 
 curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.md; most of a day.
 	$(BIN)/python docs/make_curves.py
+
+results: $(VENV)/.explore  ## Make the standard evaluations for docs/results.md; some minutes.
+	MUJOCO_GL=disabled $(BIN)/python -m docs.make_results
 
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
 	rm -rf build dist

@@ -14,6 +14,8 @@ EXPLORE = [
     'matplotlib>=3.7',
     'scipy>=1.10',
     'tqdm>=4.60',
+    'trimesh>=4',
+    'viser>=1.1,<2',
     *ONNX,
 ]
 # Clients: the releases that the examples and tests were seen to work with; see docs/clients.md.

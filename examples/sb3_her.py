@@ -21,6 +21,7 @@ from stable_baselines3.common import env_checker
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
+from fetch_composer.explorer.episodes import seeds
 from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -37,7 +38,7 @@ parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
 def success_rate(model: TD3, env: VecNormalize) -> float:
     """Returns how often the policy succeeds in one episode of each environment, without noise."""
     env.obs_rms = model.get_vec_normalize_env().obs_rms
-    env.seed(500_000)
+    env.seed(seeds.TUNING.start)
     observation, done = env.reset(), np.array([False])
     while not done.any():
         action, _ = model.predict(observation, deterministic=True)

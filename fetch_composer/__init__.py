@@ -1,5 +1,6 @@
 """The Fetch manipulation tasks as a dm_control Composer suite."""
 
+from fetch_composer import opengl as _opengl  # noqa: F401, I001  Before all that draws.
 from fetch_composer import gymnasium_ids as _gymnasium_ids
 from fetch_composer import suite
 from fetch_composer.batch import BatchEnvironment

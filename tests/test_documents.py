@@ -11,7 +11,10 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks import markdown, report, rows
+from docs import make_results
 from fetch_composer import tasks
+from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes import origins
 from fetch_composer.tasks import layout, pixels, variations
 
 _ROOT = pathlib.Path(__file__).parents[1]
@@ -142,8 +145,9 @@ def _observation_rows() -> list[list[str]]:
         (_DOCS / 'speed.md', report.SPEED_TABLE),
         (_README, report.SPEED_SUMMARY),
         (_DOCS / 'conventions.md', 'parity table: made by make parity'),
+        (_DOCS / 'results.md', make_results.TABLE),
     ),
-    ids=('speed', 'summary', 'parity'),
+    ids=('speed', 'summary', 'parity', 'results'),
 )
 def test_tables_of_figures_have_their_places(page, name):
     assert markdown.has_markers(page, name)
@@ -170,6 +174,34 @@ def test_a_page_without_markers_is_left_alone_and_they_are_named(tmp_path, text)
     with pytest.raises(ValueError, match='page.md must have .*<!-- one --> and <!-- end -->'):
         markdown.write_between_markers(page, 'one', 'table')
     assert page.read_text() == text
+
+
+def test_the_table_of_results_is_made_once_and_says_what_does_not_ship(tmp_path, monkeypatch):
+    commands = []
+
+    def run(command, check):
+        assert check
+        commands.append(command)
+        (folder,) = (each.split('=')[1] for each in command if each.startswith('--output_dir'))
+        asked = [each.split('=')[1] for each in command if each.startswith('--policy')]
+        rows = [['slide', 'some', policy, '50.0 (46.9–53.1)', '-30.0', '9.87'] for policy in asked]
+        origin = {'versions': origins.versions(), 'code': origins.code_digest()}
+        files.prepare_folder(pathlib.Path(folder))
+        files.save_json(pathlib.Path(folder, 'summary.json'), {**origin, 'standard': rows})
+
+    monkeypatch.setattr(make_results.subprocess, 'run', run)
+    page = tmp_path / 'results.md'
+    page.write_text((_DOCS / 'results.md').read_text(encoding='utf-8'), encoding='utf-8')
+    words = ['--runs', str(tmp_path), '--page', str(page), '--tasks', 'slide']
+    for _ in range(2):
+        make_results.main(make_results.parser.parse_args(words))
+    assert len(commands) == 2  # Of the two conventions.
+    assert all('--standard' in each and '--policy=trained' not in each for each in commands)
+    text = page.read_text(encoding='utf-8')
+    for convention in ('documented', 'gymnasium_robotics'):
+        assert f'| slide | {convention} | trained | none ships |  |  |' in text
+    assert text.count('| slide | some | expert | 50.0 (46.9–53.1) | -30.0 | 9.87 |') == 2
+    assert f'mujoco {origins.versions()["mujoco"]}' in text
 
 
 def _measured(**changes) -> dict:

@@ -13,8 +13,8 @@ from tests import runs
 def test_pictures_can_be_switched_off(tmp_path):
     result = runs.explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='disabled')
     assert result.returncode == 0, result.stderr
-    assert 'No pictures: MUJOCO_GL=disabled' in result.stdout
-    assert 'apt-get' not in result.stdout
+    assert 'No pictures: MUJOCO_GL=disabled' in result.stderr
+    assert 'apt-get' not in result.stderr
     assert runs.names(tmp_path) == runs.PLAIN_FILES
     assert runs.summary(tmp_path)['gl_backend'] is None
 
@@ -44,17 +44,33 @@ def test_broken_opengl_is_noticed_and_the_rest_is_written(tmp_path):
         text=True,
     )
     assert result.returncode == 0, result.stderr
-    assert 'apt-get install libegl1 libgl1-mesa-dri' in result.stdout
-    assert 'apt-get install libosmesa6' in result.stdout
+    assert 'apt-get install libegl1 libgl1-mesa-dri' in result.stderr
+    assert 'apt-get install libosmesa6' in result.stderr
     assert runs.names(folder) == runs.PLAIN_FILES
     assert runs.names(tmp_path) == {'broken', 'out'}
 
 
 def test_a_backend_that_the_user_chose_is_not_replaced_by_another(tmp_path):
-    result = runs.explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='nonsense')
+    # It needs a display, and there is none.
+    result = runs.explore('--episodes=1', f'--output_dir={tmp_path}', MUJOCO_GL='glfw')
     assert result.returncode == 0, result.stderr
-    assert 'MUJOCO_GL=nonsense is set, and does not work here' in result.stdout
+    assert 'MUJOCO_GL=glfw is set, and does not work here' in result.stderr
     assert runs.names(tmp_path) == runs.PLAIN_FILES
+
+
+@pytest.mark.parametrize('program', [(runs.EXPLORE,), ('-m', 'fetch_composer.explorer')])
+def test_a_backend_that_there_is_not_is_refused_and_the_valid_ones_are_listed(tmp_path, program):
+    result = subprocess.run(
+        [sys.executable, *program, '--episodes=1', '--output_dir=out'],
+        env=runs.environment(MUJOCO_GL='nonsense'),
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert 'MUJOCO_GL=nonsense' in line and 'valid are egl, osmesa' in line
+    assert not runs.names(tmp_path)
 
 
 # -- Mistakes --------------------------------------------------------------------------------------
@@ -100,6 +116,11 @@ def test_what_the_explorer_has_no_flag_for_is_refused():
         run_lib.Run(endless, None)
 
 
+def _said(result):
+    """Returns what was said of mistakes."""
+    return [line for line in result.stderr.splitlines() if not line.startswith('No pictures')]
+
+
 @pytest.mark.parametrize(
     ('flag', 'message'),
     [
@@ -120,7 +141,7 @@ def test_a_mistake_is_one_line_without_a_traceback(tmp_path, flag, message):
     result = runs.explore(flag.format(file=file), MUJOCO_GL='disabled')
     assert result.returncode == 1
     assert message.format(file=file) in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
+    assert len(_said(result)) == 1
     assert runs.names(tmp_path) == {'file'}
     assert file.read_text() == 'earlier'
 
@@ -144,6 +165,6 @@ def test_the_package_itself_needs_no_extra():
 
 def test_help_lists_every_flag():
     result = runs.explore('--help', MUJOCO_GL='disabled')
-    assert result.returncode == 0 and not result.stderr
+    assert result.returncode == 0 and not _said(result)
     for name in ('task', 'object_position', 'import', '[no]fresh'):
         assert f'--{name}: ' in result.stdout

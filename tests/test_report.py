@@ -16,6 +16,7 @@ from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.options import Options
 from fetch_composer.explorer.pictures.film import Film
 from fetch_composer.explorer.report import page as page_lib
+from fetch_composer.explorer.report import replay_page
 from fetch_composer.explorer.results import compare, statistics
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
@@ -83,8 +84,9 @@ def _film(tmp_path):
     return Film(path, [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3)
 
 
-def _render(options, candidates, setting, comparisons=(), stopped=False):
-    return page_lib.render(options, candidates, comparisons, setting, {'mujoco': '3'}, stopped)
+def _render(options, candidates, setting, comparisons=(), **flags):
+    given = {'stopped': False, **flags}
+    return page_lib.render(options, candidates, comparisons, setting, {'mujoco': '3'}, **given)
 
 
 def test_the_page_needs_nothing_beside_it(tmp_path, episodes, setting):
@@ -159,12 +161,24 @@ def test_the_same_results_give_the_same_page(tmp_path, episodes, setting):
     assert page() == page()
 
 
+def test_the_page_shows_the_one_in_3d_that_is_beside_it(tmp_path, episodes, setting):
+    films = {2: _film(tmp_path), 0: _film(tmp_path)}
+    candidates = [_candidate('random', episodes, films)]
+    text = _render(_options(), candidates, setting, has_replay=True)
+    page = _Page(text)
+    assert page.all('iframe', 'src') == ['replay.html']
+    links = [each for each in page.all('a', 'href') if each.startswith('replay.html')]
+    keys = {take.key for take in replay_page.takes_of(candidates)}
+    assert set(links) == {'replay.html', *(f'replay.html#{key}' for key in keys)}
+    assert '://' not in text
+
+
 def test_what_the_user_gave_is_text_and_never_markup(tmp_path, episodes, setting):
     options = _options(policy=(_EVIL, 'random'), output_dir=f'out/{_EVIL}')
     films = {1: _film(tmp_path)}
     candidates = [_candidate(policy, episodes, films, is_alone=False) for policy in options.policy]
     compared = [compare.compare(_EVIL, episodes, 'random', episodes)]
-    text = _render(options, candidates, setting, compared, stopped=True)
+    text = _render(options, candidates, setting, compared, stopped=True, has_replay=True)
     page = _Page(text)
     assert [tag for tag, _ in page.elements].count('script') == 1
     assert 'alert("x")' not in re.sub('<script>.*', '', text.replace('&#34;', '&quot;'), flags=re.S)

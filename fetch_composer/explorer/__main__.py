@@ -80,18 +80,22 @@ def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
 
 
 def _report(run: 'run_lib.Run', written: Sequence['writing.Written']) -> None:
+    # The table of a standard evaluation is all that it writes to standard output.
+    notes = sys.stderr if run.options.standard else sys.stdout
     if run.continued:
-        print(f'Continued: {run.continued} episodes were there already.')
+        print(f'Continued: {run.continued} episodes were there already.', file=notes)
     if run.stopped_by:
-        print(f'Stopped by {run.stopped_by.name} after {run.finished} episodes.')
+        print(f'Stopped by {run.stopped_by.name} after {run.finished} episodes.', file=notes)
     if not run.finished:
-        print('No episode was finished; nothing was written.')
+        print('No episode was finished; nothing was written.', file=notes)
         return
     if run.stopped_by:
-        print('The same command continues.')
-    print('\n'.join(run.results))
-    print(f'Open, in {run.options.folder}:')
-    print('\n'.join(_listed(written)))
+        print('The same command continues.', file=notes)
+    print('\n'.join(run.results), file=notes if run.stopped_by else sys.stdout)
+    for remark in run.remarks:
+        print(remark, file=sys.stderr)
+    print(f'Open, in {run.options.folder}:', file=notes)
+    print('\n'.join(_listed(written)), file=notes)
 
 
 def _listed(written: Sequence['writing.Written']) -> list[str]:

@@ -16,11 +16,12 @@ from typing import Any
 from absl import flags
 
 from fetch_composer.explorer.options import NOT_EXPLORED, Options
+from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions
 
 # What tells of a run of many episodes, and nothing of each.
 _OF_MANY_EPISODES = frozenset(
-    ('episodes', 'num_envs', 'films', 'num_films', 'ray', 'dataset', 'output_dir')
+    ('episodes', 'standard', 'num_envs', 'films', 'num_films', 'ray', 'dataset', 'output_dir')
 )
 _OF_THE_COMMAND = {
     'fresh': 'Whether to discard an unfinished run in the folder, rather than to continue it',
@@ -153,7 +154,9 @@ def parser() -> flags.FlagValues:
 
 def option_values(parsed: flags.FlagValues) -> dict[str, Any]:
     """Returns the values of the flags that are options, by name."""
-    return {each.name: parsed[each.name].value for each in _FLAGS}
+    has_defaults = not parsed['standard'].value
+    flags_given = (parsed[each.name] for each in _FLAGS)
+    return {each.name: each.value for each in flags_given if has_defaults or each.present}
 
 
 def make_options(values: Mapping[str, Any]) -> Options:
@@ -169,6 +172,8 @@ def make_options(values: Mapping[str, Any]) -> Options:
     if unknown:
         valid = ', '.join(each.name for each in _FLAGS)
         raise ValueError(f'Unknown option {", ".join(map(repr, unknown))}; valid are {valid}.')
+    if values.get('standard'):
+        values = {'films': 'none', **standard.FIXED, **values}
     fields: dict[bool, dict[str, Any]] = {False: {}, True: {}}
     for each in _FLAGS:
         if each.name in values:

@@ -16,6 +16,7 @@ _VARIABLE = 'MUJOCO_GL'
 # Says to the process that starts again, and to it alone, that the backend has been found.
 _FOUND_VARIABLE = 'FETCH_COMPOSER_FOUND_GL'
 _BACKENDS = ('egl', 'osmesa', 'glfw')  # The last needs a display; macOS has no other.
+_OTHERS = ('on', 'enable', 'enabled', 'true', '1')  # Which dm_control takes for the last, too.
 _DISABLED = 'disabled'
 _DISABLED_SYNONYMS = ('off', 'disable', 'disabled', 'false', '0')
 _PROBE = """
@@ -38,6 +39,9 @@ def choose() -> bool:
     Returns:
         Whether MUJOCO_GL has changed, so that a process that has imported dm_control must start
         again.
+
+    Raises:
+        SystemExit: if MUJOCO_GL names no backend; the message lists those that there are.
     """
     before = os.environ.get(_VARIABLE)
     if before == _DISABLED and _FOUND_VARIABLE in os.environ:
@@ -63,18 +67,28 @@ def _find() -> str | None:
     """Returns a backend to take pictures with, or None, which is explained, for none."""
     wanted = os.environ.get(_VARIABLE) or None
     if wanted in _DISABLED_SYNONYMS:
-        print(f'No pictures: {_VARIABLE}={wanted}.')
+        _say(f'No pictures: {_VARIABLE}={wanted}.')
         return None
+    if wanted is not None and wanted not in _BACKENDS + _OTHERS:
+        sys.exit(
+            f'{os.path.basename(sys.argv[0])}: error: {_VARIABLE}={wanted} is set; valid are '
+            f'{", ".join(_BACKENDS)}, and {_DISABLED} for no pictures. Unset, one that works is '
+            'chosen.'
+        )
     candidates = _BACKENDS if wanted is None else (wanted,)
     for backend in candidates:
         if _draws(backend):
             return backend
     if wanted is None:
-        print(f'No pictures: no OpenGL backend works here (tried {", ".join(candidates)}).')
+        _say(f'No pictures: no OpenGL backend works here (tried {", ".join(candidates)}).')
     else:
-        print(f'No pictures: {_VARIABLE}={wanted} is set, and does not work here.')
-    print(_ADVICE)
+        _say(f'No pictures: {_VARIABLE}={wanted} is set, and does not work here.')
+    _say(_ADVICE)
     return None
+
+
+def _say(message: str) -> None:
+    print(message, file=sys.stderr)
 
 
 def _draws(backend: str) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.pictures import film
+from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions, checks
 
 # Options of a task that the explorer leaves as they are: a batch takes no pictures for policies,
@@ -30,6 +31,8 @@ class Options:
         task_options: Options of the task.
         episodes: Number of episodes of each policy.
         seed: Seed of the first episode; each has the next one.
+        standard: Whether to make the standard evaluation: 1000 seeds that nothing is trained or
+            tuned with, and no films unless you ask for them. It prints a row of a table.
         num_envs: How many episodes run at a time, on all processors; it changes none of them.
         films: Which episodes to film: worst, best, first, all or none.
         num_films: How many episodes to film of the worst, best or first.
@@ -53,6 +56,7 @@ class Options:
     task_options: TaskOptions = TaskOptions()
     episodes: int = 5
     seed: int = 0
+    standard: bool = False
     num_envs: int = 64
     films: str = 'worst'
     num_films: int = 5
@@ -86,6 +90,8 @@ class Options:
                     f'{name} cannot be chosen in the explorer; of a task, valid are '
                     f'{", ".join(each for each in valid if each not in NOT_EXPLORED)}.'
                 )
+        if self.standard:
+            standard.check({**vars(self.task_options), **vars(self)})
         film.check_choice(self.films)
         film.check_format(self.width, self.height, self.fps)
         if self.ray is not None:

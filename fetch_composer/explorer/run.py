@@ -13,8 +13,16 @@ from fetch_composer.explorer import files, flags, progress, signals
 from fetch_composer.explorer.episodes import batch_rollout, origins
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import drawing, film
-from fetch_composer.explorer.report import page
-from fetch_composer.explorer.results import compare, store, summary, titles, writing
+from fetch_composer.explorer.report import page, replay_page
+from fetch_composer.explorer.results import (
+    compare,
+    evaluation,
+    standard,
+    store,
+    summary,
+    titles,
+    writing,
+)
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
 from fetch_composer.tasks import camera
@@ -61,6 +69,7 @@ class Run:
         self._store = store.Store(options.folder, self._identity(), fresh)
         self.stopped_by: signal.Signals | None = None
         self.continued = 0
+        self.remarks: list[str] = []  # Of what could not be done, each in a line.
 
     def close(self) -> None:
         """Frees the simulation, and lets go of the folder."""
@@ -74,7 +83,9 @@ class Run:
 
     @property
     def results(self) -> list[str]:
-        """Says of each policy, in one line, how its finished episodes went."""
+        """Says how the finished episodes of each policy went."""
+        if self._has_standard:
+            return standard.table(self._evaluations())
         return [titles.result(each) for each in self.candidates if each.episodes]
 
     def run(self) -> list[writing.Written]:
@@ -113,6 +124,16 @@ class Run:
                 written.extend(self._write_dataset())
                 self._store.discard()
             return written
+
+    @property
+    def _has_standard(self) -> bool:
+        return self.options.standard and self._is_complete
+
+    def _evaluations(self) -> list[evaluation.Evaluation]:
+        return [
+            evaluation.of_episodes(self.options.of_episodes(each.policy), each.episodes)
+            for each in self.candidates
+        ]
 
     @property
     def _is_complete(self) -> bool:
@@ -211,6 +232,7 @@ class Run:
         candidates = [each for each in self.candidates if each.episodes]
         comparisons = compare.compare_all(self.candidates)
         setting = Setting.of(self._env)
+        replay = self._replay_page(candidates)
         report = page.render(
             self.options,
             candidates,
@@ -218,6 +240,7 @@ class Run:
             setting,
             origins.versions(),
             stopped=self.stopped_by is not None,
+            has_replay=replay is not None,
         )
         figures = {
             'flags': flags.flag_values(self.options),
@@ -226,9 +249,24 @@ class Run:
             'wall_seconds': round(wall_seconds, 2),
             'gl_backend': self._gl_backend,
             'versions': origins.versions(),
+            'code': origins.code_digest(),
             **summary.of_run(candidates, comparisons),
         }
-        return writing.write(self.options.folder, candidates, setting, report, figures)
+        if self._has_standard:
+            figures['standard'] = [standard.cells(each) for each in self._evaluations()]
+        pages = {writing.REPORT: report, writing.REPLAY: replay}
+        return writing.write(self.options.folder, candidates, setting, pages, figures)
+
+    def _replay_page(self, candidates: list[Candidate]) -> str | None:
+        takes = replay_page.takes_of(candidates)
+        if not takes:
+            return None
+        title = f'{self.options.task} · {" / ".join(self.options.policy)}'
+        try:
+            return replay_page.render(takes, self._env, self.options.camera, title)
+        except replay_page.ReplayPageError as error:
+            self.remarks.append(f'No {writing.REPLAY}: {error}')
+            return None
 
     def _write_dataset(self) -> list[writing.Written]:
         if self.options.dataset is None:

@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import fetch_composer
+from fetch_composer.explorer.episodes import seeds
 
-# Seeds of environments. No episode of one range is ever met in another.
-TRAINING_SEEDS = range(500_000)
-TUNING_SEEDS = range(500_000, 1_000_000)  # For the curve, and for choosing settings.
-HELD_OUT_SEEDS = range(1_000_000, 1_001_000)  # Used once, when all is learned.
+# Seeds of environments: to learn from, for the curve, and used once, when all is learned.
+TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, seeds.STANDARD
 
 _SHARES = (
     'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from fetch_composer.policies import given
 from fetch_composer.policies.experts import EXPERTS
 from fetch_composer.policies.files import code_policy, onnx_policy, sb3_policy, trained
 from fetch_composer.policies.protocol import (
@@ -28,6 +29,7 @@ __all__ = (
     'check_action',
     'digest',
     'factory',
+    'given',
     'load',
 )
 

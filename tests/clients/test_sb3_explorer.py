@@ -3,6 +3,7 @@
 With OpenGL in software, torch's compiler would end a process that has loaded it.
 """
 
+import dataclasses
 import json
 import os
 import pathlib
@@ -17,9 +18,10 @@ pytest.importorskip('imageio', reason="the explorer's packages are not installed
 
 import gymnasium as gym  # noqa: E402
 from gymnasium import wrappers  # noqa: E402
+from stable_baselines3.common import vec_env  # noqa: E402
 
 import fetch_composer  # noqa: E402
-from fetch_composer import policies  # noqa: E402
+from fetch_composer import explorer, policies  # noqa: E402
 from fetch_composer.explorer.episodes import batch_rollout  # noqa: E402
 from fetch_composer.tasks import TaskOptions  # noqa: E402
 
@@ -153,3 +155,40 @@ def test_a_model_acts_on_a_batch_at_once(tmp_path):
         alone = policy({name: each[row] for name, each in observations.items()})
         np.testing.assert_array_equal(actions[row], alone)
     single.close()
+
+
+@pytest.mark.parametrize(
+    'wrap', [None, wrappers.FlattenObservation], ids=['dictionary', 'flattened']
+)
+def test_a_model_is_evaluated_while_it_is_trained_as_its_file_is_afterwards(tmp_path, wrap):
+    path = str(tmp_path / 'model.zip')
+    model = _save(path, 'SAC', wrap, 'Reach')
+    given = {'seeds': range(500_000, 500_070), 'max_episode_steps': 5}
+    during = explorer.evaluate(model, 'reach', **given)
+    after = explorer.evaluate(path, 'reach', trust_pickle=True, **given)
+    assert during.policy == 'SAC'
+    assert dataclasses.replace(during, policy=path) == after
+    other = explorer.evaluate('zero', 'reach', **given)
+    assert other.final_distance != during.final_distance
+
+
+def test_a_model_under_vec_normalize_is_given_what_it_learns_from():
+    vector = vec_env.VecNormalize(
+        vec_env.DummyVecEnv([lambda: gym.make('fetch_composer/FetchPush-v2')])
+    )
+    vector.reset()
+    for _ in range(10):  # So that the statistics are some.
+        vector.step(np.ones((1, 4), np.float32))
+    model = sb3.PPO('MultiInputPolicy', vector, n_steps=8, seed=0)
+    single = fetch_composer.load('push', seed=3)
+    observation = single.reset().observation
+    seen = []
+    predict = model.predict
+    model.predict = lambda given, **kwargs: seen.append(given) or predict(given, **kwargs)
+    policies.given.factory(model, policies.PolicyContext.of(single))(0)(observation)
+    expected = vector.normalize_obs({name: each[None] for name, each in observation.items()})
+    for name, each in expected.items():
+        np.testing.assert_allclose(seen[-1][name][:1], each)
+        assert not np.allclose(each, observation[name])
+    single.close()
+    vector.close()

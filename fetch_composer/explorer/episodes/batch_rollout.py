@@ -19,6 +19,8 @@ from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.tasks import TaskOptions
 
+PolicyLoader = Callable[[policies.PolicyContext], policies.PolicyFactory]
+
 _Observations = Mapping[str, np.ndarray]
 
 
@@ -98,6 +100,7 @@ class BatchRollout:
         num_envs: int,
         num_threads: int | None = None,
         make_policy: policies.PolicyFactory | None = None,
+        load_policy: PolicyLoader | None = None,
     ) -> None:
         """Loads the task, and the policy unless it is given.
 
@@ -106,6 +109,7 @@ class BatchRollout:
             num_envs: How many episodes run at a time.
             num_threads: Threads that share them; by default one for each processor.
             make_policy: What `tried_policy` has returned for these options.
+            load_policy: Loads the policy; by default the one that is named in the options.
 
         Raises:
             ValueError: if an option is not valid; the message says what would be.
@@ -117,16 +121,17 @@ class BatchRollout:
         self._batch = BatchEnvironment(
             options.task, num_envs, num_threads, seed=0, **options.task_kwargs
         )
-        self._make_policy = make_policy or self._tried_policy()
+        self._make_policy = make_policy or self._tried_policy(load_policy)
 
-    def _tried_policy(self) -> policies.PolicyFactory:
+    def _tried_policy(self, load_policy: PolicyLoader | None) -> policies.PolicyFactory:
         context = policies.PolicyContext(
             self._batch.task_name,
             self._batch.options.convention,
             self._batch.single_action_spec(),
             self._batch.single_observation_spec(),
         )
-        return tried_policy(self._options, context, next(_rows(self._batch.reset().observation)))
+        observation = next(_rows(self._batch.reset().observation))
+        return tried_policy(self._options, context, observation, load_policy)
 
     def run(
         self, seeds: Sequence[int], on_progress: Callable[[int], None] | None = None
@@ -202,6 +207,7 @@ def tried_policy(
     options: EpisodeOptions,
     context: policies.PolicyContext,
     observation: Mapping[str, np.ndarray],
+    load_policy: PolicyLoader | None = None,
 ) -> policies.PolicyFactory:
     """Loads a policy and lets one of its own act once, so that mistakes show before the first step.
 
@@ -209,6 +215,7 @@ def tried_policy(
         options: What names the policy.
         context: What is known of the environment.
         observation: An observation of the environment.
+        load_policy: Loads the policy; by default the one that is named in the options.
 
     Returns:
         What makes the policy for each seed.
@@ -217,7 +224,10 @@ def tried_policy(
         ValueError: if there is no such policy; the message says what is valid.
         PolicyError: if it fails, or its action does not fit.
     """
-    make = policies.factory(options.policy, context, options.trust_pickle)
+    if load_policy is None:
+        make = policies.factory(options.policy, context, options.trust_pickle)
+    else:
+        make = load_policy(context)
     with _failures_named(f'policy {options.policy}, before the first step'):
         policies.check_action(make(0), observation, context)
     return make

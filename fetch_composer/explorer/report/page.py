@@ -14,11 +14,12 @@ from fetch_composer.explorer import flags
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.options import Options
 from fetch_composer.explorer.pictures import charts, style, top_view
-from fetch_composer.explorer.results import compare, statistics
+from fetch_composer.explorer.report import replay_page
+from fetch_composer.explorer.results import compare, statistics, writing
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
 
-MOST_FILMS = 24  # Within the page; more of them stay beside it.
+MOST_FILMS = replay_page.MOST  # Within the page; more of them stay beside it.
 FIRST_ROWS = 50  # Of the episodes, before one asks for more.
 MOST_ROWS = 1000
 _TEMPLATE = 'report.html.j2'
@@ -32,6 +33,7 @@ def render(
     setting: Setting,
     versions: Mapping[str, str | None],
     stopped: bool,
+    has_replay: bool = False,
 ) -> str:
     """Returns the page; the same results give the same page.
 
@@ -42,6 +44,7 @@ def render(
         setting: What is to be said of the task.
         versions: Versions of what decides on an episode.
         stopped: Whether the run was stopped before its end.
+        has_replay: Whether the page that replays its films' episodes is beside it.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent),
@@ -70,6 +73,7 @@ def render(
         rows_left=max(0, max(len(each.episodes) for each in candidates) - MOST_ROWS),
         versions=versions,
         stopped=stopped,
+        replay=writing.REPLAY if has_replay else None,
     )
 
 
@@ -156,6 +160,7 @@ def _film_card(
         takes.append(
             {
                 'policy': each.policy,
+                'key': replay_page.key(each, index),
                 'episode': episode,
                 'video': _data_url('video/mp4', film.path.read_bytes()),
                 'poster': _jpeg(film.thumbnails[0]),

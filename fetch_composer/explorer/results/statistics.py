@@ -1,13 +1,13 @@
 """How sure the figures of a run are: intervals of 95 %."""
 
 import dataclasses
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 CONFIDENCE = 0.95
-_Z = float(stats.norm.ppf((1 + CONFIDENCE) / 2))
+_Z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,17 +78,24 @@ def success_difference(first: ArrayLike, second: ArrayLike) -> Estimate:
     )
 
 
+def mean(values: ArrayLike) -> Estimate:
+    """Returns the mean with Student's interval, which has no ends for a single value."""
+    from scipy import stats  # Takes longer than all that is imported here.
+
+    found = np.asarray(values, dtype=float)
+    count, value = found.size, float(found.mean())
+    if count < 2:
+        return Estimate(value, -np.inf, np.inf)
+    half_width = float(
+        stats.t.ppf((1 + CONFIDENCE) / 2, count - 1) * found.std(ddof=1) / np.sqrt(count)
+    )
+    return Estimate(value, value - half_width, value + half_width)
+
+
 def mean_difference(first: ArrayLike, second: ArrayLike) -> Estimate | None:
     """Returns how much larger the second is than the first on average, pair by pair.
 
-    The interval is Student's for the mean of the differences; None for fewer than two pairs.
+    None for fewer than two pairs.
     """
     differences = np.subtract(second, first)
-    count = len(differences)
-    if count < 2:
-        return None
-    mean = float(differences.mean())
-    half_width = float(
-        stats.t.ppf((1 + CONFIDENCE) / 2, count - 1) * differences.std(ddof=1) / np.sqrt(count)
-    )
-    return Estimate(mean, mean - half_width, mean + half_width)
+    return mean(differences) if len(differences) > 1 else None

@@ -17,10 +17,15 @@ from fetch_composer.explorer.results.setting import Setting
 TRAJECTORIES = 'trajectories.npz'
 SUMMARY = 'summary.json'
 REPORT = 'report.html'
+REPLAY = 'replay.html'
 PROGRESS = 'progress.png'
 CONTACT_SHEET = 'contact_sheet.png'
+_OF_PAGES = {
+    REPORT: 'one page with everything, films included',
+    REPLAY: 'chosen episodes to walk around in',
+}
 _OWN_NAME = re.compile(
-    r'(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
+    r'replay\.html|(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
 )
 
 
@@ -41,7 +46,7 @@ def write(
     folder: pathlib.Path,
     candidates: Sequence[Candidate],
     setting: Setting,
-    page: str,
+    pages: Mapping[str, str | None],
     summary: Mapping[str, Any],
 ) -> list[Written]:
     """Writes what a run has found, and removes what an earlier one in its folder has left.
@@ -50,7 +55,7 @@ def write(
         folder: The folder, which is there.
         candidates: The policies, with one finished episode or more each.
         setting: What is to be said of the task.
-        page: The report.
+        pages: The report and the page that replays, by name; None for one that there is not.
         summary: The figures; the names of all files are added to them.
 
     Returns:
@@ -62,9 +67,11 @@ def write(
     names_before = files.load_json(folder / SUMMARY).get('files', ())
     for each in candidates:
         (folder / each.path('')).mkdir(exist_ok=True)
-    files.save_text(folder / REPORT, page)
+    there = {name: page for name, page in pages.items() if page is not None}
+    for name, page in there.items():
+        files.save_text(folder / name, page)
     written = [
-        Written((REPORT,), 'one page with everything, films included'),
+        *(Written((name,), _OF_PAGES[name]) for name in there),
         *_write_pictures(folder, [each for each in candidates if each.films], setting),
         *_write_data(folder, candidates, setting),
         Written((SUMMARY,), 'figures, versions and flags'),

@@ -59,6 +59,15 @@ def factory(name: str, context: PolicyContext) -> Callable[[int | None], CodePol
                 f'{name!r}: there is no {part!r} in {module_name!r}; it has {", ".join(public)}.'
             )
         found = getattr(found, part)
+    return of_code(found, name, context)
+
+
+def of_code(found: Any, name: str, context: PolicyContext) -> Callable[[int | None], CodePolicy]:
+    """Returns what makes a policy of a function or class, for each seed.
+
+    Raises:
+        ValueError: if it cannot be called; the message has its name.
+    """
     if not callable(found):
         raise ValueError(f'{name!r} cannot be called: it is a {type(found).__name__}.')
     taken = [each for each in _PARAMETERS if each in _parameters(found)]

@@ -67,22 +67,42 @@ def factory(
         raise ValueError(
             f'{path} cannot be loaded as {name}: {type(error).__name__}: {error}'
         ) from error
-    policy = _policy(model, path, context)
+    policy = of_model(model, path, context)
     return lambda seed: policy
 
 
-def _policy(model: Any, path: str, context: PolicyContext) -> NetworkPolicy:
-    sizes = {name: spec.shape[0] for name, spec in context.observation_spec.items()}
-    make = _input(model.observation_space, sizes, path)
+def is_model(policy: Any) -> bool:
+    """Returns whether an object is a model of Stable-Baselines3, or acts as one does."""
+    return all(hasattr(policy, each) for each in ('predict', 'observation_space', 'action_space'))
+
+
+def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
+    """Returns the policy of a model: its deterministic actions.
+
+    Args:
+        model: A model. If `VecNormalize` is around the environment that it learns in, that
+            normalises its observations here, too.
+        name: What messages call it.
+        context: What is known of the environment to act in.
+
+    Raises:
+        ValueError: if its spaces do not fit; the message says what would.
+    """
+    sizes = {each: spec.shape[0] for each, spec in context.observation_spec.items()}
+    make = _input(model.observation_space, sizes, name)
     if tuple(model.action_space.shape) != context.action_spec.shape:
         raise ValueError(
-            f'{path} gives actions of shape {tuple(model.action_space.shape)}, but this task '
+            f'{name} gives actions of shape {tuple(model.action_space.shape)}, but this task '
             f'takes {context.action_spec.shape}.'
         )
+    normalizer = getattr(model, 'get_vec_normalize_env', lambda: None)()
 
     def act(observations: Mapping[str, np.ndarray]) -> np.ndarray:
+        given = make(observations)
+        if normalizer is not None:
+            given = normalizer.normalize_obs(given)
         with _one_thread():
-            actions, _ = model.predict(make(observations), deterministic=True)
+            actions, _ = model.predict(given, deterministic=True)
         return actions
 
     return NetworkPolicy(act, _ROWS, sizes)
@@ -130,7 +150,10 @@ def _input(space: Any, sizes: Mapping[str, int], path: str) -> Callable:
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
     """Lets torch use one thread: others cost more than they bring, and share work as they come."""
-    torch = sys.modules['torch']
+    torch = sys.modules.get('torch')
+    if torch is None:  # Of a model that only acts as one of theirs does.
+        yield
+        return
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
