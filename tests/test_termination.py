@@ -7,6 +7,10 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies
+from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.episodes import episode as episode_lib
+from fetch_composer.explorer.results import store, summary
+from fetch_composer.tasks import TaskOptions
 from tests import episodes
 
 pytestmark = pytest.mark.filterwarnings('ignore:.*out of date.*:DeprecationWarning')
@@ -112,3 +116,78 @@ def test_an_episode_whose_last_step_is_at_the_goal_is_terminated_and_truncated(g
 def test_anything_but_a_boolean_is_refused(value):
     with pytest.raises(ValueError, match='terminate_on_success must be True or False'):
         fetch_composer.load('push', terminate_on_success=value)
+
+
+@pytest.fixture(scope='module', params=['expert', 'random'])
+def explored(request):
+    """Returns options and episodes of the explorer, which end at different times."""
+    options = batch_rollout.EpisodeOptions(
+        'push', request.param, TaskOptions(terminate_on_success=True, max_episode_steps=30)
+    )
+    return options, batch_rollout.run_episodes(options, range(24), num_envs=24)
+
+
+def test_explored_episodes_are_those_of_single_environments(explored):
+    options, found = explored
+    assert len({each.steps for each in found}) > 1
+    env = fetch_composer.load('push', **options.task_kwargs)
+    # Other widths, so that rows wait for others in other company.
+    beside = batch_rollout.run_episodes(options, range(24), num_envs=7)
+    for one, other in zip(found, beside, strict=True):
+        alone = episodes.record(env, options.policy, one.seed)
+        for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+            np.testing.assert_allclose(getattr(one, name), getattr(alone, name), atol=1e-9)
+        assert one.is_success == (one.reward[-1] == 0) and not (one.reward[:-1] == 0).any()
+        assert one.is_success or one.steps == 30
+
+
+def test_figures_of_episodes_that_ended_early_are_those_of_their_ends(explored):
+    _, found = explored
+    figures = summary.summarize(found)
+    assert figures['success_rate'] == np.mean([each.reward[-1] == 0 for each in found])
+    assert [each['steps'] for each in figures['episodes']] == [each.steps for each in found]
+    arrays = episode_lib.stack(found)
+    for row, each in enumerate(found):
+        steps = arrays['steps'][row]
+        np.testing.assert_array_equal(arrays['reward'][row][:steps], each.reward)
+        assert np.isnan(arrays['reward'][row][steps:]).all()
+        assert np.isnan(arrays['distance'][row][steps + 1 :]).all()
+
+
+def test_episodes_of_different_lengths_are_kept_as_they_are(explored, tmp_path):
+    _, found = explored
+    kept = store.Store(tmp_path, {})
+    kept.add('1_policy', found)
+    for one, other in zip(kept.episodes('1_policy', range(24)), found, strict=True):
+        assert one.seed == other.seed and one.step_seconds == other.step_seconds
+        for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+            assert getattr(one, name).dtype == getattr(other, name).dtype
+    kept.close()
+
+
+def test_a_policy_is_not_asked_once_its_episode_has_ended():
+    options = batch_rollout.EpisodeOptions(
+        'push', 'expert', TaskOptions(terminate_on_success=True, max_episode_steps=30)
+    )
+    env = fetch_composer.load('push', **options.task_kwargs)
+    make, asked = policies.factory('expert', policies.PolicyContext.of(env)), {}
+
+    def make_counting(seed):
+        policy = make(seed)
+
+        class Counting:
+            def reset(self):
+                policy.reset()
+                asked[seed] = 0
+
+            def __call__(self, observation):
+                asked[seed] += 1
+                return policy(observation)
+
+        return Counting()
+
+    with batch_rollout.BatchRollout(options, 6, make_policy=make_counting) as batch:
+        (found,) = batch.run(range(6))
+    assert asked == {each.seed: each.steps for each in found}
