@@ -65,8 +65,8 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         Raises:
             ValueError: if an argument is not valid; the message lists what is.
         """
-        self._mode = _autoreset_mode(autoreset_mode)
-        self.metadata = {**self.metadata, 'autoreset_mode': self._mode}
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.metadata = {**self.metadata, 'autoreset_mode': self.autoreset_mode}
         if render_mode is not None:
             checks.one_of('render_mode', render_mode, _RENDER_MODES)
         self.render_mode = render_mode
@@ -119,7 +119,7 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
             ValueError: if an action is not valid; no environment has moved.
             RuntimeError: if the autoreset mode is `DISABLED` and an episode has ended.
         """
-        if self._mode == AutoresetMode.DISABLED:
+        if self.autoreset_mode == AutoresetMode.DISABLED:
             self._check_running()
         time_step = self._batch.step(actions)
         observation, done = time_step.observation, time_step.step_type == dm_env.StepType.LAST
@@ -127,7 +127,7 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         at_limit = self._batch.steps_taken == self._task_options.max_episode_steps
         truncated = done & (~terminated | at_limit)
         info: dict[str, Any] = {}
-        if self._mode == AutoresetMode.SAME_STEP and done.any():
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and done.any():
             info = self._final(observation, np.flatnonzero(done))
             observation = self._batch.reset(done).observation
         info.update(self._info(observation))
