@@ -23,7 +23,8 @@ class BatchEnvironment:
 
     An environment whose episode has ended starts its next one in the following call of `step`,
     which ignores its action and gives it a time step of type FIRST, as `dm_env` has it. Such
-    rows have reward 0 and discount 1.
+    rows have reward 0 and discount 1. With `terminate_on_success` episodes end at different times,
+    those at their goals with discount 0.
     """
 
     def __init__(
@@ -251,11 +252,13 @@ class BatchEnvironment:
         achieved_goal, goals = self._simulations.achieved_goal(), self._episodes.goals
         reward = rewards.compute_reward(achieved_goal, goals, self._options.reward_type)
         reward[~advanced] = 0
-        at_end = self._episodes.end_at_goal(achieved_goal, advanced)
+        discount = np.ones(self._num_envs)
+        if self._options.terminate_on_success:
+            discount[self._episodes.end_at_goal(achieved_goal, advanced)] = 0
         return dm_env.TimeStep(
             step_type=self._episodes.step_type.copy(),
             reward=reward,
-            discount=np.where(at_end, 0.0, 1.0),
+            discount=discount,
             observation={
                 'observation': self._simulations.observation(),
                 'achieved_goal': achieved_goal,

@@ -29,7 +29,7 @@ class BatchEpisodes:
             count: How many environments.
             task: Says where episodes start and end, and is not changed.
         """
-        self._options, self._identity = task.options, task.identity
+        self._limit, self._identity = task.options.max_episode_steps, task.identity
         self._starts, self._variations = task.starts, task.variations
         self.goals = np.zeros((count, 3))
         self.steps_taken = np.zeros(count, dtype=np.int64)
@@ -79,8 +79,8 @@ class BatchEpisodes:
         """Counts a control step of some rows; ... for all."""
         self.steps_taken[rows] += 1
         self.step_type[rows] = dm_env.StepType.MID
-        if self._options.max_episode_steps is not None:
-            self.is_over = self.steps_taken >= self._options.max_episode_steps
+        if self._limit is not None:
+            self.is_over = self.steps_taken >= self._limit
             self.step_type[self.is_over] = dm_env.StepType.LAST
 
     def end(self, rows: Any) -> None:
@@ -89,7 +89,7 @@ class BatchEpisodes:
         self.step_type[rows] = dm_env.StepType.LAST
 
     def end_at_goal(self, achieved_goal: np.ndarray, advanced: np.ndarray) -> np.ndarray:
-        """Ends the episodes that have come to their goals, if that is an option of the task.
+        """Ends the episodes that have come to their goals.
 
         Args:
             achieved_goal: (n, 3) positions in m.
@@ -98,8 +98,6 @@ class BatchEpisodes:
         Returns:
             (n,) which ones have ended.
         """
-        if not self._options.terminate_on_success:
-            return np.zeros(len(advanced), dtype=bool)
         at_goal = advanced & rewards.is_success(achieved_goal, self.goals)
         self.end(at_goal)
         return at_goal

@@ -28,6 +28,7 @@ class Recording:
         self._actions: list[np.ndarray] = []
         self._rewards: list[np.ndarray] = []
         self._lengths = np.zeros(len(seeds), dtype=np.int64)
+        self._past = 0  # Steps that were not made here.
         self._seconds = np.zeros(len(seeds))
         self.running: np.ndarray = np.ones(len(seeds), dtype=bool)
 
@@ -52,7 +53,7 @@ class Recording:
             time_step: What followed.
             seconds: What the step took, for each of the rows.
         """
-        self.add_past(action, time_step.reward, time_step.observation)
+        self._add(action, time_step.reward, time_step.observation)
         self._seconds[self.running] += seconds
         self.running &= time_step.step_type[: len(self.seeds)] != dm_env.StepType.LAST
 
@@ -60,6 +61,12 @@ class Recording:
         self, action: np.ndarray, reward: np.ndarray, observation: Mapping[str, np.ndarray]
     ) -> None:
         """Takes down a control step of all rows, of which none has ended, made elsewhere."""
+        self._add(action, reward, observation)
+        self._past += 1
+
+    def _add(
+        self, action: np.ndarray, reward: np.ndarray, observation: Mapping[str, np.ndarray]
+    ) -> None:
         self._actions.append(action[: len(self.seeds)])
         self._rewards.append(reward[: len(self.seeds)])
         self._observations.append(self._of_rows(observation))
@@ -81,7 +88,8 @@ class Recording:
                 seed=seed,
                 **{name: of_row(array, row, length + 1) for name, array in observations.items()},
                 **{name: of_row(array, row, length) for name, array in steps.items()},
-                step_seconds=float(self._seconds[row]),
+                # As though all steps had been made here.
+                step_seconds=float(self._seconds[row]) * length / (length - self._past),
             )
             for row, (seed, length) in enumerate(
                 zip(self.seeds, self._lengths.tolist(), strict=True)
