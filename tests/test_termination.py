@@ -45,17 +45,17 @@ def test_an_episode_ends_with_the_first_step_at_the_goal(task_name, convention):
 
 
 def test_rows_of_a_batch_end_each_at_its_own_goal(task_name, convention):
-    options = {'convention': convention, 'terminate_on_success': True, 'max_episode_steps': 20}
+    options = {'convention': convention, 'terminate_on_success': True, 'max_episode_steps': 12}
     # Where the object of the first one starts; the gripper gets there in some episodes.
     first = fetch_composer.load(task_name, seed=0, convention=convention).reset().observation
     options['goal'] = first['achieved_goal'] + (0.035 if task_name == 'reach' else 0.0)
-    batch = fetch_composer.BatchEnvironment(task_name, 4, seed=0, **options)
-    singles = [fetch_composer.load(task_name, seed=i, **options) for i in range(4)]
+    batch = fetch_composer.BatchEnvironment(task_name, 2, seed=0, **options)
+    singles = [fetch_composer.load(task_name, seed=i, **options) for i in range(2)]
     batch.reset()
     for single in singles:
         single.reset()
     ended = set()
-    for actions in episodes.uniform_actions(45, batch_shape=(4,)):
+    for actions in episodes.uniform_actions(28, batch_shape=(2,)):
         time_step = batch.step(actions)
         expected = [single.step(action) for single, action in zip(singles, actions, strict=True)]
         assert time_step.step_type.tolist() == [each.step_type for each in expected]
@@ -124,7 +124,7 @@ def explored(request):
     options = batch_rollout.EpisodeOptions(
         'push', request.param, TaskOptions(terminate_on_success=True, max_episode_steps=30)
     )
-    return options, batch_rollout.run_episodes(options, range(24), num_envs=24)
+    return options, batch_rollout.run_episodes(options, range(12), num_envs=12)
 
 
 def test_explored_episodes_are_those_of_single_environments(explored):
@@ -132,7 +132,7 @@ def test_explored_episodes_are_those_of_single_environments(explored):
     assert len({each.steps for each in found}) > 1
     env = fetch_composer.load('push', **options.task_kwargs)
     # Other widths, so that rows wait for others in other company.
-    beside = batch_rollout.run_episodes(options, range(24), num_envs=7)
+    beside = batch_rollout.run_episodes(options, range(12), num_envs=5)
     for one, other in zip(found, beside, strict=True):
         alone = episodes.record(env, options.policy, one.seed)
         for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
@@ -159,7 +159,7 @@ def test_episodes_of_different_lengths_are_kept_as_they_are(explored, tmp_path):
     _, found = explored
     kept = store.Store(tmp_path, {})
     kept.add('1_policy', found)
-    for one, other in zip(kept.episodes('1_policy', range(24)), found, strict=True):
+    for one, other in zip(kept.episodes('1_policy', range(12)), found, strict=True):
         assert one.seed == other.seed and one.step_seconds == other.step_seconds
         for name in ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward'):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
