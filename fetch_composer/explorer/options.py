@@ -81,6 +81,7 @@ class Options:
         for name in ('episodes', 'num_envs', 'num_films', 'supersampling'):
             checks.integer(name, getattr(self, name), 1)
         checks.integer('seed', self.seed, 0)
+        self._check_origin()
         if not self.policy:
             raise ValueError('policy must name at least one.')
         if len(set(self.policy)) < len(self.policy):
@@ -92,7 +93,6 @@ class Options:
                     f'{name} cannot be chosen in the explorer; of a task, valid are '
                     f'{", ".join(each for each in valid if each not in NOT_EXPLORED)}.'
                 )
-        self._check_origin()
         film.check_choice(self.films)
         film.check_format(self.width, self.height, self.fps)
         if self.ray is not None:
