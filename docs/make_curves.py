@@ -50,7 +50,7 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
                     continue
                 print(name, flush=True)
                 command = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
-                flags = [f'--convention={convention}', f'--seed={seed}']
+                flags = [f'--convention={convention}', f'--seed={seed}', '--no-report']
                 subprocess.run([*command, *flags, f'--output_dir={runs / name}'], check=True)
                 keep(runs / name, name)
 
