@@ -112,15 +112,15 @@ def _draw_curves(axes, curves, place: str, colour: str, label: str) -> None:
 def _table() -> str:
     """Returns a row of figures for each task and convention, and a line for each run."""
     rows = [
-        f'| task | convention | seeds | {_SOLVED:.0%} after steps | after minutes | at the end | '
-        'steps in all | minutes in all | of the processor |',
-        '|---|---|---|---|---|---|---|---|---|',
+        f'| task | convention | seeds | {_SOLVED:.0%} after steps | minutes | of the processor '
+        '| at the end | steps in all | minutes in all | of the processor |',
+        '|---|---|---|---|---|---|---|---|---|---|',
     ]
     for task in _TASKS:
         for convention in _COLOURS:
             runs = _finished(task, convention)
             if not runs:
-                rows.append(f'| {task} | {convention} | 0 | | | | | | |')
+                rows.append(f'| {task} | {convention} | 0 | | | | | | | |')
                 continue
             solved = [_first_solved(points) for _, points in runs]
             summaries = [summary for summary, _ in runs]
@@ -130,6 +130,7 @@ def _table() -> str:
                 f'| {task} | {convention} | {len(runs)}{note} '
                 f'| {_spread([s and s.environment_steps for s in solved], "{:,.0f}")} '
                 f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
+                f'| {_spread([s and s.cpu_minutes for s in solved], "{:.1f}")} '
                 f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} '
                 f'| {_spread([s["environment_steps"] for s in summaries], "{:,.0f}")} '
                 f'| {_spread([s["minutes"] for s in summaries], "{:.1f}")} '
@@ -153,8 +154,9 @@ def _spread(values: Sequence[float | None], form: str) -> str:
 def _policies() -> str:
     """Returns a row for each policy that ships, from its card."""
     rows = [
-        '| task | convention | success of 1,000 | interval | steps | minutes | how |',
-        '|---|---|---|---|---|---|---|',
+        '| task | convention | success of 1,000 | interval | steps | minutes | of the processor '
+        '| how |',
+        '|---|---|---|---|---|---|---|---|',
     ]
     for task in _TASKS:
         for convention in _COLOURS:
@@ -165,6 +167,7 @@ def _policies() -> str:
             rows.append(
                 f'| {task} | {convention} | {card["success_rate"]:.3f} | {low:.3f} to {high:.3f} '
                 f'| {card["environment_steps"]:,} | {card["minutes"]:.1f} '
+                f'| {card.get("cpu_minutes", "")} '
                 f'| {card["method"].split(",")[0].split(" by ")[0]} |'
             )
     return '\n'.join(rows) + '\n'
