@@ -31,6 +31,8 @@ _POLICIES_TABLE = 'policies table: made by make curves'
 
 _TASKS = ('reach', 'push', 'pick_and_place', 'slide')
 _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
+# Of the processor: a machine that does other work as well does not change them.
+_AXES = {'environment_steps': 'environment steps', 'cpu_minutes': 'minutes of the processor'}
 _SOLVED = 0.95
 _GRID = 200  # Places at which the curves of several seeds are compared.
 
@@ -76,16 +78,19 @@ def _finished(task: str, convention: str) -> list[tuple[dict, list[curve.Point]]
 
 
 def _draw() -> None:
-    """Draws success against control steps and against minutes; a row for each task."""
-    canvas = figure.Figure(figsize=(9, 2.6 * len(_TASKS)), dpi=110, layout='constrained')
-    rows = canvas.subplots(len(_TASKS), 2, sharey=True)
-    for task, axes_of_row in zip(_TASKS, rows, strict=True):
-        for axes, place in zip(axes_of_row, ('environment_steps', 'minutes'), strict=True):
+    """Draws success against control steps and against minutes; a row for each task with a run."""
+    tasks = [task for task in _TASKS if any(_finished(task, each) for each in _COLOURS)]
+    canvas = figure.Figure(figsize=(9, 2.6 * len(tasks)), dpi=110, layout='constrained')
+    rows = canvas.subplots(len(tasks), 2, sharey=True, squeeze=False)
+    for task, axes_of_row in zip(tasks, rows, strict=True):
+        for axes, (place, label) in zip(axes_of_row, _AXES.items(), strict=True):
             for convention, colour in _COLOURS.items():
                 curves = [points for _, points in _finished(task, convention)]
                 if curves:
                     _draw_curves(axes, curves, place, colour, f'{convention} ({len(curves)})')
-            curve.decorate(axes, place.replace('_', ' '))
+            curve.decorate(axes, label)
+            axes.locator_params(axis='x', nbins=6)
+            axes.xaxis.set_major_formatter('{x:,g}')
         axes_of_row[0].set_ylabel(task)
         if axes_of_row[1].lines:
             axes_of_row[1].legend(loc='lower right', edgecolor='none', fontsize=8)
