@@ -39,7 +39,6 @@ autodoc_class_signature = 'separated'
 autodoc_default_options = {'members': True}
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
-add_module_names = False
 python_maximum_signature_line_length = 70
 
 

@@ -164,6 +164,14 @@ def test_a_table_replaces_what_stood_between_its_markers(tmp_path):
     )
 
 
+def test_a_table_is_read_by_the_start_of_its_first_line(tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text('A\n| a | b |\n|---|---|\n| 1 | |\n| 2 | x y |\n<!-- end -->\n| no |\n')
+    assert markdown.rows(page, '| a |') == [['1', ''], ['2', 'x y']]
+    with pytest.raises(ValueError, match=r"page.md must have one table that starts with '\| c"):
+        markdown.rows(page, '| c |')
+
+
 @pytest.mark.parametrize(
     'text', ('', '<!-- one -->\n', '<!-- end -->\n<!-- one -->\n', '<!-- one --><!-- end -->\n' * 2)
 )

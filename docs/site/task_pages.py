@@ -95,7 +95,7 @@ def action_rows(name: str) -> Iterator[tuple[str, ...]]:
         'none: the gripper is locked' if locked else 'opening (+) and closing (−) of the fingers'
     )
     meanings = [f'displacement of the gripper, {axis}' for axis in _AXES] + [fingers]
-    units = [f'{drive.METRES_PER_UNIT} m'] * len(_AXES) + ['–' if locked else 'm']
+    units = [f'{drive.METRES_PER_UNIT}\N{NO-BREAK SPACE}m'] * len(_AXES) + ['–' if locked else 'm']
     bounds = f'{float(spec.minimum)}', f'{float(spec.maximum)}'
     for number, (meaning, unit) in enumerate(zip(meanings, units, strict=True)):
         yield str(number), meaning, *bounds, unit
