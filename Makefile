@@ -46,7 +46,8 @@ format: $(VENV)/.test  ## Mend what the linter can mend, and format the code.
 	$(BIN)/ruff format .
 
 docs: $(VENV)/.docs gl  ## Build the site of the documents in build/site, with a tutorial that it runs.
-	$(BIN)/python -m sphinx -E -W --keep-going -b html -d build/doctrees docs build/site
+	rm -rf build/site build/doctrees docs/generated
+	$(BIN)/python -m sphinx -W --keep-going -d build/doctrees docs build/site
 	@echo "open build/site/index.html"
 
 gallery: $(VENV)/.explore gl  ## Make the animations of the experts in docs; a minute.
