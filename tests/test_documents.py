@@ -197,6 +197,7 @@ def test_the_table_of_results_is_made_once_and_says_what_does_not_ship(tmp_path,
         files.save_json(pathlib.Path(folder, 'summary.json'), {**origin, 'standard': rows})
 
     monkeypatch.setattr(make_results.subprocess, 'run', run)
+    monkeypatch.setattr(make_results, '_TRAINED', tmp_path / 'nothing ships')
     page = tmp_path / 'results.md'
     page.write_text((_DOCS / 'results.md').read_text(encoding='utf-8'), encoding='utf-8')
     words = ['--runs', str(tmp_path), '--page', str(page), '--tasks', 'slide']
