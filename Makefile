@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves results test test-only test-clients check format gallery build bench parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients check format docs gallery build bench parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -45,6 +45,11 @@ format: $(VENV)/.test  ## Mend what the linter can mend, and format the code.
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+docs: $(VENV)/.docs gl  ## Build the site of the documents in build/site, with a tutorial that it runs.
+	rm -rf build/site build/doctrees docs/generated
+	$(BIN)/python -m sphinx -W --keep-going -d build/doctrees docs build/site
+	@echo "open build/site/index.html"
+
 gallery: $(VENV)/.explore gl  ## Make the animations of the experts in docs; a minute.
 	$(BIN)/python docs/make_gallery.py
 
@@ -78,7 +83,7 @@ transfer: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Run the trai
 	MUJOCO_GL=disabled $(BIN)/python -m benchmarks.transfer --peer .venv-gymnasium_robotics_current/bin/python --write docs/policies.md
 
 clean:  ## Remove everything that was made, the virtual environments included.
-	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache
+	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output docs/generated *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache
 
 # On Python 3.13, for which labmaze has no wheel, an empty package stands in for it.
 LABMAZE = $(shell $(PYTHON) -c 'import sys; print("./stand_ins/labmaze" if sys.version_info >= (3, 13) else "")')
@@ -97,6 +102,10 @@ $(VENV)/.explore: $(BIN)/python setup.py
 
 $(VENV)/.learn: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[learn]'
+	@touch $@
+
+$(VENV)/.docs: $(BIN)/python setup.py
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[docs]'
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py

@@ -37,6 +37,7 @@ MINARI = [
     *GYMNASIUM,
 ]
 LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *EXPLORE]
+DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN]
 TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
@@ -76,6 +77,7 @@ setuptools.setup(
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,
         'minari': MINARI + EXPLORE,
+        'docs': DOCS,
         'test': TEST + GYMNASIUM + EXPLORE + LEARN + ACME + RAY + MINARI,
     },
 )

@@ -1,4 +1,4 @@
-"""Tables of measured figures in Markdown, and the places in a page that commands write them to.
+"""Tables in Markdown: reading one from a page, and the places that commands write figures to.
 
 A page has such a table between two comments:
 
@@ -7,6 +7,7 @@ A page has such a table between two comments:
     <!-- end -->
 """
 
+import itertools
 import pathlib
 from collections.abc import Sequence
 
@@ -17,6 +18,23 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Returns a table in Markdown."""
     lines = [header, ['---'] * len(header), *rows]
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+def rows(path: pathlib.Path, header: str) -> list[list[str]]:
+    """Returns the cells of the rows of a page's table.
+
+    Args:
+        path: The page.
+        header: What the first line of the table starts with.
+
+    Raises:
+        ValueError: if the page has no such table, or several.
+    """
+    parts = path.read_text(encoding='utf-8').split(f'\n{header}')
+    if len(parts) != 2:
+        raise ValueError(f'{path} must have one table that starts with {header!r}.')
+    lines = itertools.takewhile(lambda line: line.startswith('|'), parts[1].splitlines()[2:])
+    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
 
 
 def has_markers(path: pathlib.Path, name: str) -> bool:

@@ -42,9 +42,7 @@ def _code(page: pathlib.Path) -> list[str]:
 
 def _table(page: str, header: str) -> list[list[str]]:
     """Returns the cells of the table in docs whose first line starts with `header`."""
-    _, after = (_DOCS / page).read_text(encoding='utf-8').split(f'\n{header}', 1)
-    lines = after.split('\n\n')[0].splitlines()[2:]
-    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
+    return markdown.rows(_DOCS / page, header)
 
 
 def _names(cell: str) -> list[str]:
@@ -91,7 +89,8 @@ def test_the_readme_is_short():
 
 def test_every_page_is_reached_from_the_readme():
     text = _README.read_text(encoding='utf-8')
-    assert not [page.name for page in _DOCS.glob('*.md') if f'(docs/{page.name}' not in text]
+    pages = {page.name for page in _DOCS.glob('*.md')} - {'index.md'}  # The site's README.
+    assert not [name for name in pages if f'(docs/{name}' not in text]
 
 
 def test_the_table_of_options_is_that_of_the_code():
@@ -165,6 +164,14 @@ def test_a_table_replaces_what_stood_between_its_markers(tmp_path):
     )
 
 
+def test_a_table_is_read_by_the_start_of_its_first_line(tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text('A\n| a | b |\n|---|---|\n| 1 | |\n| 2 | x y |\n<!-- end -->\n| no |\n')
+    assert markdown.rows(page, '| a |') == [['1', ''], ['2', 'x y']]
+    with pytest.raises(ValueError, match=r"page.md must have one table that starts with '\| c"):
+        markdown.rows(page, '| c |')
+
+
 @pytest.mark.parametrize(
     'text', ('', '<!-- one -->\n', '<!-- end -->\n<!-- one -->\n', '<!-- one --><!-- end -->\n' * 2)
 )
@@ -190,6 +197,7 @@ def test_the_table_of_results_is_made_once_and_says_what_does_not_ship(tmp_path,
         files.save_json(pathlib.Path(folder, 'summary.json'), {**origin, 'standard': rows})
 
     monkeypatch.setattr(make_results.subprocess, 'run', run)
+    monkeypatch.setattr(make_results, '_TRAINED', tmp_path / 'nothing ships')
     page = tmp_path / 'results.md'
     page.write_text((_DOCS / 'results.md').read_text(encoding='utf-8'), encoding='utf-8')
     words = ['--runs', str(tmp_path), '--page', str(page), '--tasks', 'slide']
