@@ -10,6 +10,7 @@ from dm_env import specs
 
 from fetch_composer import simulations, tasks
 from fetch_composer.batch_episodes import BatchEpisodes
+from fetch_composer.entities import contact_pairs
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 from fetch_composer.tasks.state import State
@@ -67,7 +68,10 @@ class BatchEnvironment:
             )
         # A batch draws no pictures, and what can be seen takes time as well.
         task_made.scene.remove_looks(cameras=not task_made.variations.vary_looks)
+        has_pairs = contact_pairs.name(task_made.root_entity.mjcf_model)
         self._compiled = Environment(task_made, random_state=0)
+        if has_pairs:
+            contact_pairs.stop_search(self._compiled.physics.model.ptr)
         self._is_closed = False
         self._starts = task_made.starts
         self._episodes = BatchEpisodes(self._num_envs, task_made)
