@@ -177,11 +177,11 @@ class Variations:
         """Returns by how many m the object's centre rests higher than that of the usual one."""
         if 'object_size' not in values:
             return 0.0
-        return float(self._half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
+        return float(self.half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
 
     def radius_and_height(self, values: Mapping[str, np.ndarray]) -> tuple[float, float]:
         """Returns radius of the smallest upright cylinder around the object, and height, in m."""
-        x, y, z = self._half_extents(values).tolist()
+        x, y, z = self.half_extents(values).tolist()
         is_box = self._object_type == mujoco.mjtGeom.mjGEOM_BOX
         return (float(np.hypot(x, y)) if is_box else x), 2 * z
 
@@ -196,7 +196,8 @@ class Variations:
             size[:used] = drawn
         return size
 
-    def _half_extents(self, values) -> np.ndarray:
+    def half_extents(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns (3,) half of the upright object's length, width and height in m."""
         return _bounds(self._object_type, self._object_size(values))
 
     def write(
@@ -217,7 +218,7 @@ class Variations:
             name: value for name, value in values.items() if fields.keys() >= set(_FIELDS[name])
         }
         if 'object_size' in values:
-            size, half_extents = self._object_size(values), self._half_extents(values)
+            size, half_extents = self._object_size(values), self.half_extents(values)
             field('geom_size')[self._object] = size
             field('geom_rbound')[self._object] = np.linalg.norm(half_extents)
             field('geom_aabb')[self._object][3:] = half_extents
