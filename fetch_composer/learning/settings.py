@@ -128,8 +128,19 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     },
 }
 
-# As few control steps as possible, whatever the time.
-_FRUGAL: dict[str, Any] = {'updates_per_step': 4.0}
+# As few control steps as possible, whatever the time: few environments, so that what was learned is
+# soon tried, and eight times as many updates.
+_FRUGAL: dict[str, Any] = {
+    'num_envs': 16,
+    'updates_per_step': 4.0,
+    'relay_steps': 6_400,
+    'environment_steps': 57_600,
+}
+_FRUGAL_OF_TASK: dict[str, dict[str, Any]] = {
+    'reach': {'environment_steps': 6_400},
+    'pick_and_place': {'environment_steps': 188_800},
+    'slide': {'environment_steps': 400_000},
+}
 
 
 def names() -> tuple[str, ...]:
@@ -157,8 +168,10 @@ def for_task(task: str, frugal: bool = False, changes: Mapping[str, Any] | None 
         raise ValueError(
             f'Unknown setting {", ".join(map(repr, unknown))}; valid are {", ".join(names())}.'
         )
-    chosen = _OF_TASK.get(task, {}) | (_FRUGAL if frugal else {}) | changes
-    return Settings(**chosen)
+    chosen = dict(_OF_TASK.get(task, {}))
+    if frugal:
+        chosen |= _FRUGAL | _FRUGAL_OF_TASK.get(task, {})
+    return Settings(**chosen | changes)
 
 
 def parse(text: str) -> tuple[str, Any]:

@@ -164,11 +164,13 @@ class Run:
 
     def _relay(self, state: Mapping[str, np.ndarray] | None) -> exploration.Relay:
         """Returns the policy of Reach: from the checkpoint, or learned now."""
-        options = self._options
+        options, own = self._options, self._options.settings
         settings = dataclasses.replace(
             settings_lib.for_task(_RELAY_TASK),
-            environment_steps=options.settings.relay_steps,
-            episode_steps=options.settings.episode_steps,
+            environment_steps=own.relay_steps,
+            episode_steps=own.episode_steps,
+            num_envs=own.num_envs,
+            updates_per_step=own.updates_per_step / 2,  # It is learned with half as many.
         )
         trainer = Trainer(
             _RELAY_TASK, options.convention, options.seed, settings, None, options.num_threads
