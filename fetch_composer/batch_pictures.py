@@ -68,7 +68,7 @@ class BatchPictures:
         Args:
             state: Returns the state of the environment of an index.
         """
-        for i in np.flatnonzero(self._has_changed):
+        for i in np.flatnonzero(self._has_changed).tolist():
             self._env.set_state(state(i))
             for name, take in self._take.items():
                 if self._has_new_goal[i] or name not in self._goal_names:

@@ -126,13 +126,17 @@ class GoalTask(composer.Task):
         pictures = pixels.observables(
             self.scene.arena.mjcf_model,
             pixels.options(self.options.pixels),
-            goal_scene=lambda: self._goal_scene,
+            goal_scene=self._made_goal_scene,
             start=lambda: self._start,
         )
         observables['observation'].enabled = self.options.observation_mode != 'pixels'
         if self.options.observation_mode != 'features':
             observables.update(pictures)
         return observables
+
+    def _made_goal_scene(self) -> GoalScene:
+        assert self._goal_scene is not None, 'It is made once the model is compiled.'
+        return self._goal_scene
 
     @property
     def root_entity(self) -> entities.Arena:
