@@ -127,7 +127,8 @@ def rollout_row(num_envs: int) -> Row:
     ours = _batch(f'batch of {num_envs}', OWN, 'composer_batch', num_envs)
     peer = _batch('bare mujoco.rollout', OWN, 'bare_batch', num_envs, method='rollout')
     goal = {1: 0.90, 64: 1.20}.get(num_envs)
-    return Row('batch', ours, peer, 'speed', goal=goal, num_envs=num_envs)
+    pairs = min(1.0, 256 / num_envs)
+    return Row('batch', ours, peer, 'speed', goal=goal, num_envs=num_envs, pairs=pairs)
 
 
 def bare_batch_row(num_envs: int) -> Row:
