@@ -10,6 +10,8 @@ from dm_env import specs
 
 from fetch_composer import simulations, tasks
 from fetch_composer.batch_episodes import BatchEpisodes
+from fetch_composer.batch_pictures import BatchPictures
+from fetch_composer.entities import contact_pairs
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 from fetch_composer.tasks.state import State
@@ -60,14 +62,22 @@ class BatchEnvironment:
         # where episodes start.
         task_made = tasks.make(task, **task_kwargs)
         self._task_name, self._options = task_made.name, task_made.options
-        if set(task_made.task_observables) != {'observation', 'achieved_goal', 'desired_goal'}:
+        self._pictures: BatchPictures | None = None
+        if self._options.observation_mode != 'features':
+            self._pictures = BatchPictures(task, task_kwargs, self._num_envs)
+            task_made = tasks.make(task, **{**task_kwargs, 'observation_mode': 'features'})
+        others = set(task_made.task_observables) - {'observation', 'achieved_goal', 'desired_goal'}
+        if others:
             raise ValueError(
-                "A batch renders no pictures: use observation_mode='features', or single "
-                'environments.'
+                f'A batch does not observe {", ".join(sorted(others))}, which the task adds, but '
+                'only what a GoalTask does; use single environments.'
             )
-        # A batch draws no pictures, and what can be seen takes time as well.
+        # What can be seen takes time, and is drawn elsewhere.
         task_made.scene.remove_looks(cameras=not task_made.variations.vary_looks)
+        has_pairs = contact_pairs.name(task_made.root_entity.mjcf_model)
         self._compiled = Environment(task_made, random_state=0)
+        if has_pairs:
+            contact_pairs.stop_search(self._compiled.physics.model.ptr)
         self._is_closed = False
         self._starts = task_made.starts
         self._episodes = BatchEpisodes(self._num_envs, task_made)
@@ -165,6 +175,11 @@ class BatchEnvironment:
     def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start] | None = None) -> None:
         with self._episodes.starting(ids, given) as drawn:
             self._simulations.start(ids, drawn)
+        self._forget_pictures(ids, goals=True)
+
+    def _forget_pictures(self, rows: Any, goals: bool) -> None:
+        if self._pictures is not None:
+            self._pictures.forget(rows, goals)
 
     def get_states(self, ids=None) -> list[State]:
         """Returns the states of all environments, or of some, as `Environment.get_state` has them.
@@ -176,10 +191,10 @@ class BatchEnvironment:
             ValueError: if an id is not valid.
         """
         self._check_open()
-        return [
-            self._episodes.get(i, *self._simulations.get(i))
-            for i in checks.ids(ids, self._num_envs)
-        ]
+        return [self._state(i) for i in checks.ids(ids, self._num_envs)]
+
+    def _state(self, i: int) -> State:
+        return self._episodes.get(i, *self._simulations.get(i))
 
     def set_states(self, states: Sequence[State], ids=None) -> None:
         """Restores states, each in an environment; the same one may be restored in several.
@@ -203,6 +218,7 @@ class BatchEnvironment:
         self._simulations.set(ids, states)
         for i, state in zip(ids, states, strict=True):
             self._episodes.set(i, state)
+        self._forget_pictures(ids, goals=True)
 
     def step(self, actions) -> dm_env.TimeStep:
         """Advances every environment by one control step.
@@ -245,6 +261,7 @@ class BatchEnvironment:
         rows: Any = ... if ids is None else ids
         diverged = self._simulations.advance(actions, ids) if ids is None or len(ids) else ids
         self._episodes.advance(rows)
+        self._forget_pictures(rows, goals=False)
         return diverged
 
     def _time_step(self, advanced: np.ndarray) -> dm_env.TimeStep:
@@ -259,12 +276,16 @@ class BatchEnvironment:
             step_type=self._episodes.step_type.copy(),
             reward=reward,
             discount=discount,
-            observation={
-                'observation': self._simulations.observation(),
-                'achieved_goal': achieved_goal,
-                'desired_goal': goals.copy(),
-            },
+            observation=self._observation(achieved_goal),
         )
+
+    def _observation(self, achieved_goal: np.ndarray) -> dict[str, np.ndarray]:
+        observation = {'achieved_goal': achieved_goal, 'desired_goal': self._episodes.goals.copy()}
+        if self._options.observation_mode != 'pixels':
+            observation = {'observation': self._simulations.observation(), **observation}
+        if self._pictures is not None:
+            observation.update(self._pictures.observation(self._state))
+        return observation
 
     def single_action_spec(self) -> specs.BoundedArray:
         """Returns the spec of one environment's action, shape (4,)."""
@@ -272,7 +293,12 @@ class BatchEnvironment:
 
     def single_observation_spec(self) -> dict[str, specs.Array]:
         """Returns the specs of one environment's observations."""
-        return self._compiled.observation_spec()
+        spec = dict(self._compiled.observation_spec())
+        if self._options.observation_mode == 'pixels':
+            del spec['observation']
+        if self._pictures is not None:
+            spec.update(self._pictures.spec())
+        return spec
 
     def action_spec(self) -> specs.BoundedArray:
         """Returns the spec of `step`'s argument, shape (num_envs, 4)."""
@@ -298,6 +324,8 @@ class BatchEnvironment:
         """Frees the simulations; closing twice does no harm, and nothing else works afterwards."""
         if not self._is_closed:
             self._compiled.close()
+            if self._pictures is not None:
+                self._pictures.close()
             del self._simulations
             self._is_closed = True
 

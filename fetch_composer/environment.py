@@ -94,6 +94,8 @@ class Environment(composer.Environment):
         """Frees the simulation; closing twice does no harm."""
         if not self._is_closed:
             self._is_closed = self._reset_next_step = True
+            if isinstance(self._task, GoalTask):
+                self._task.close()
             super().close()
 
     def get_state(self) -> State:

@@ -100,8 +100,3 @@ def test_pictures_may_be_as_large_as_one_asks():
 def test_options_that_make_no_sense_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         fetch_composer.load('push', **options)
-
-
-def test_a_batch_has_no_pictures():
-    with pytest.raises(ValueError, match='renders no pictures'):
-        fetch_composer.BatchEnvironment('push', 2, observation_mode='pixels')

@@ -13,8 +13,8 @@ import fetch_composer
 from benchmarks.workers import protocol, recording, rounds
 
 
-def build(num_steps: int):
-    """Returns what measures one round of so many control steps.
+def build(num_steps: int, resets: bool = False):
+    """Returns what measures one round of so many control steps, and of resets if asked for.
 
     Raises:
         RuntimeError: if a replay ends elsewhere than the environment did.
@@ -29,10 +29,17 @@ def build(num_steps: int):
     def record(episode: int) -> recording.Recording:
         return recording.record(env, episode, rounds.episode_actions(episode))
 
+    started: list[recording.Recording] = []
+
     def start_episode(episode: int):
-        recorded = record(episode)
-        recording.restore(model, data, recorded)
-        return recorded.mocap_positions
+        started[:] = [record(episode)]
+        recording.restore(model, data, *started)
+        return started[0].mocap_positions
+
+    def reset() -> None:
+        mujoco.mj_resetData(model, data)
+        recording.restore(model, data, *started)
+        mujoco.mj_forward(model, data)
 
     def step(position: np.ndarray) -> None:
         mocap_position[:] = position
@@ -42,7 +49,7 @@ def build(num_steps: int):
         step(position)
     if not np.array_equal(data.qpos, record(0).last_qpos):
         raise RuntimeError('The replay does not end where the environment did.')
-    return rounds.Stepping(start_episode, step, num_steps)
+    return rounds.Stepping(start_episode, step, num_steps, reset=reset if resets else None)
 
 
 if __name__ == '__main__':

@@ -34,7 +34,13 @@ def _through_gymnasium(convention: str):
 _INTERFACES = {'dm_env': _through_dm_env, 'gymnasium': _through_gymnasium}
 
 
-def build(num_steps: int, convention: str, interface: str = 'dm_env', operation: str = 'step'):
+def build(
+    num_steps: int,
+    convention: str,
+    interface: str = 'dm_env',
+    operation: str = 'step',
+    resets: bool = False,
+):
     """Returns what measures one round.
 
     Args:
@@ -42,10 +48,12 @@ def build(num_steps: int, convention: str, interface: str = 'dm_env', operation:
         convention: 'documented' or 'gymnasium_robotics'.
         interface: 'dm_env' or 'gymnasium'.
         operation: 'step', 'reset', 'get_state' or 'set_state'.
+        resets: Whether the resets between steps are timed, too.
     """
     start_episode, env = _INTERFACES[interface](convention)
     if operation == 'step':
-        return rounds.Stepping(start_episode, env.step, num_steps)
+        reset = env.reset if resets else None
+        return rounds.Stepping(start_episode, env.step, num_steps, reset=reset)
     start_episode(0)
     call = getattr(env, operation)
     if operation == 'set_state':

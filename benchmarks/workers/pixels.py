@@ -1,6 +1,7 @@
-"""Control steps of a Push that observes pictures, or bare control steps with as many pictures."""
+"""Control steps of a Push, or of a batch, that observes pictures, or bare ones with as many."""
 
 import os
+from typing import Any
 
 os.environ['MUJOCO_GL'] = 'egl'  # The meters switch OpenGL off, since nothing else renders.
 
@@ -12,20 +13,32 @@ from benchmarks.workers import protocol, rounds  # noqa: E402
 _CAMERA = 'corner'
 
 
-def build(num_steps: int, size: int, method: str):
+def build(num_steps: int, size: int, method: str, num_envs: int = 1):
     """Returns what measures one round.
 
     Args:
-        num_steps: Control steps in a round, each with one picture.
+        num_steps: Control steps in a round, each with a picture of every environment.
         size: Height and width of the picture in pixels.
-        method: 'environment', or 'bare' for MuJoCo's own renderer after `mj_step(nstep=20)`.
+        method: 'environment', 'batch', or 'bare' for MuJoCo's own renderer after
+            `mj_step(nstep=20)`.
+        num_envs: How many environments a batch has.
     """
-    env = fetch_composer.load(
-        'push',
-        seed=0,
-        observation_mode='features+pixels',
-        pixels={'cameras': _CAMERA, 'height': size, 'width': size},
-    )
+    options: dict[str, Any] = {
+        'seed': 0,
+        'observation_mode': 'features+pixels',
+        'pixels': {'cameras': _CAMERA, 'height': size, 'width': size},
+    }
+    if method == 'batch':
+        batch = fetch_composer.BatchEnvironment('push', num_envs, **options)
+
+        def start_batch(episode: int):
+            batch.seed(episode * num_envs)
+            batch.reset()
+            return rounds.episode_actions(episode, num_envs)
+
+        return rounds.Stepping(start_batch, batch.step, num_steps, num_envs)
+
+    env = fetch_composer.load('push', **options)
 
     def start_episode(episode: int):
         env.seed(episode)

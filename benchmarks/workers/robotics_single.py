@@ -6,8 +6,8 @@ import gymnasium_robotics
 from benchmarks.workers import protocol, rounds
 
 
-def build(num_steps: int):
-    """Returns what measures one round of so many control steps."""
+def build(num_steps: int, resets: bool = False):
+    """Returns what measures one round of so many control steps, and of resets if asked for."""
     gymnasium.register_envs(gymnasium_robotics)
     env = gymnasium.make('FetchPush-v4')
 
@@ -15,7 +15,8 @@ def build(num_steps: int):
         env.reset(seed=episode)
         return rounds.episode_actions(episode)
 
-    return rounds.Stepping(start_episode, env.step, num_steps)
+    reset = env.reset if resets else None
+    return rounds.Stepping(start_episode, env.step, num_steps, reset=reset)
 
 
 if __name__ == '__main__':

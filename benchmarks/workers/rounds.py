@@ -25,7 +25,10 @@ def episode_actions(episode: int, num_envs: int | None = None) -> np.ndarray:
 
 
 class Stepping:
-    """Times control steps. Episodes start in between, where the clock stands still."""
+    """Times control steps, and resets if asked for.
+
+    Otherwise episodes start in between, where the clock stands still.
+    """
 
     def __init__(
         self,
@@ -33,6 +36,7 @@ class Stepping:
         step: Callable,
         num_steps: int,
         num_envs: int = 1,
+        reset: Callable[[], object] | None = None,
     ) -> None:
         """Initializes the rounds.
 
@@ -41,7 +45,9 @@ class Stepping:
             step: Called with one input after another.
             num_steps: Calls of `step` in one round.
             num_envs: How many environments a call advances.
+            reset: What is timed as a reset, once an episode has been started; None for none.
         """
+        self._reset = reset
         self._start_episode = start_episode
         self._step = step
         self._num_steps = num_steps
@@ -58,6 +64,10 @@ class Stepping:
                 self._inputs = list(self._start_episode(self._episode))
                 self._episode += 1
                 self._next = 0
+                if self._reset is not None:
+                    begin = time.perf_counter()
+                    self._reset()
+                    seconds += time.perf_counter() - begin
             inputs = self._inputs[self._next : self._next + left]
             begin = time.perf_counter()
             for each in inputs:

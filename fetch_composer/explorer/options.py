@@ -11,8 +11,8 @@ from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions, checks
 
-# Options of a task that the explorer leaves as they are: a batch takes no pictures for policies,
-# and a variation is an object, which no flag can name.
+# Options of a task that the explorer leaves as they are: its policies see no pictures, and a
+# variation is an object, which no flag can name.
 NOT_EXPLORED = ('observation_mode', 'pixels', 'variations')
 
 _UNFIT_FOR_A_NAME = re.compile(r'[^A-Za-z0-9._-]+')

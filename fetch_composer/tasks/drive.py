@@ -67,6 +67,14 @@ def refresh(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     mujoco.mj_comVel(model, data)
 
 
+def fall_behind(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Puts positions and velocities one substep behind the state, where `mj_step` leaves them."""
+    qpos = data.qpos.copy()
+    mujoco.mj_integratePos(model, data.qpos, data.qvel, -model.opt.timestep)
+    refresh(model, data)
+    data.qpos[:] = qpos
+
+
 class Drive:
     """Moves the gripper of one simulation, or of many at once."""
 

@@ -23,6 +23,7 @@ from fetch_composer.tasks import (
 )
 from fetch_composer.tasks import state as state_lib
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.goal_scene import GoalScene
 from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.settled import SettledState
@@ -30,6 +31,8 @@ from fetch_composer.tasks.variations import Variations
 
 CONTROL_TIMESTEP = 0.04  # s, 25 Hz.
 PHYSICS_TIMESTEP = 0.002  # s
+
+_SAME_POSE = 1e-9  # m
 
 
 class GoalTask(composer.Task):
@@ -119,13 +122,21 @@ class GoalTask(composer.Task):
         )
         for each in observables.values():
             each.enabled = True
+        self._goal_scene: GoalScene | None = None
         pictures = pixels.observables(
-            self.scene.arena.mjcf_model, pixels.options(self.options.pixels)
+            self.scene.arena.mjcf_model,
+            pixels.options(self.options.pixels),
+            goal_scene=self._made_goal_scene,
+            start=lambda: self._start,
         )
         observables['observation'].enabled = self.options.observation_mode != 'pixels'
         if self.options.observation_mode != 'features':
             observables.update(pictures)
         return observables
+
+    def _made_goal_scene(self) -> GoalScene:
+        assert self._goal_scene is not None, 'It is made once the model is compiled.'
+        return self._goal_scene
 
     @property
     def root_entity(self) -> entities.Arena:
@@ -195,6 +206,20 @@ class GoalTask(composer.Task):
         self._target_rgba = model.site_rgba[physics.bind(self.scene.target.site).element_id]
         self.identity = state_lib.identity(self.name, self.options.convention, model)
         self.starts.compile(physics, self.addresses)
+        self.close()
+        if any(
+            isinstance(each, pixels.GoalCameraObservable) for each in self.task_observables.values()
+        ):
+            self._goal_scene = GoalScene(
+                physics, self.scene, self.addresses, self.starts, self.variations,
+                self.locked_gripper,
+            )  # fmt: skip
+
+    def close(self) -> None:
+        """Frees what the task has made beside the simulation of its environment."""
+        if self._goal_scene is not None:
+            self._goal_scene.physics.free()
+            self._goal_scene = None
 
     def initialize_episode(self, physics, random_state) -> None:
         start = self.starts.draw(random_state, self._next_episode)
@@ -253,7 +278,13 @@ class GoalTask(composer.Task):
         self._set_goal(state.goal)  # Before the physics, which puts the target there.
         state_lib.set_physics(self._model, self._data, state.physics)
         self._drive.set_gripper_pose(state.gripper_pose)
-        self._start = starts.Start(variations=state.variations)
+        link = self.addresses.gripper_link
+        pose = np.concatenate((self._data.xpos[link], self._data.xquat[link]))
+        if np.abs(pose - state.gripper_pose).max() > _SAME_POSE:
+            # Positions were those of one substep earlier, and pictures show them.
+            drive.fall_behind(self._model, self._data)
+            mujoco.mj_camlight(self._model, self._data)
+        self._start = starts.Start(goal=self._goal, variations=state.variations)
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
 

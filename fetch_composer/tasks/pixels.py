@@ -1,13 +1,15 @@
 """What cameras see, as observables of a task."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from dm_control import mjcf
 from dm_control.composer.observation import observable
 
 from fetch_composer.tasks import camera, checks
+from fetch_composer.tasks.goal_scene import GoalScene
+from fetch_composer.tasks.starts import Start
 
 OBSERVATION_MODES = ('features', 'pixels', 'features+pixels')
 
@@ -24,6 +26,8 @@ class PixelOptions:
         segmentation: Whether to observe which geom each pixel shows.
         shadows: Whether things cast shadows; without a GPU they take most of the time.
         supersampling: A pixel is the mean of as many squared: 2 smooths edges.
+        goal: Whether to observe, beside each picture, one of the scene with object and gripper at
+            the goal.
     """
 
     cameras: tuple[str, ...] = ('corner',)
@@ -33,6 +37,7 @@ class PixelOptions:
     segmentation: bool = False
     shadows: bool = False
     supersampling: int = 1
+    goal: bool = False
 
 
 def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
@@ -60,7 +65,7 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
     for name in ('height', 'width', 'supersampling'):
         if name in pixels:
             pixels[name] = checks.integer(f'The {name} of pixels', pixels[name], 1)
-    for name in ('depth', 'segmentation', 'shadows'):
+    for name in ('depth', 'segmentation', 'shadows', 'goal'):
         if name in pixels:
             pixels[name] = checks.boolean(f'{name} of pixels', pixels[name])
     return PixelOptions(**pixels)
@@ -87,7 +92,7 @@ class CameraObservable(observable.MJCFCamera):
         self._supersampling = chosen.supersampling
         self._shadows = chosen.shadows
 
-    def _callable(self, physics):
+    def _callable(self, physics) -> Callable[[], np.ndarray]:
         kept: list[camera.Camera] = []
 
         def take() -> np.ndarray:
@@ -105,11 +110,66 @@ class CameraObservable(observable.MJCFCamera):
         return take
 
 
-def observables(mjcf_model: mjcf.RootElement, chosen: PixelOptions) -> dict[str, CameraObservable]:
+class GoalCameraObservable(CameraObservable):
+    """What a camera would see of the scene at the goal; drawn once in an episode."""
+
+    def __init__(
+        self,
+        element: mjcf.Element,
+        chosen: PixelOptions,
+        kind: str,
+        goal_scene: Callable[[], GoalScene],
+        start: Callable[[], Start],
+    ) -> None:
+        """Initializes the observable.
+
+        Args:
+            element: The camera.
+            chosen: Size and looks.
+            kind: 'rgb', 'depth' or 'segmentation'.
+            goal_scene: Returns what is drawn; asked with the first picture.
+            start: Returns the present episode's start, another object for every episode.
+        """
+        super().__init__(element, chosen, kind)
+        self._goal_scene = goal_scene
+        self._start = start
+
+    def _callable(self, physics) -> Callable[[], np.ndarray]:
+        del physics  # Unused: its simulation is at no goal.
+        take: Callable[[], np.ndarray] | None = None
+        shown: Start | None = None
+        picture: np.ndarray
+
+        def keep() -> np.ndarray:
+            nonlocal take, shown, picture
+            start, scene = self._start(), self._goal_scene()
+            if take is None:
+                take = super(GoalCameraObservable, self)._callable(scene.physics)
+            if shown is not start:
+                scene.show(start)
+                shown, picture = start, take()
+            return picture
+
+        return keep
+
+
+def observables(
+    mjcf_model: mjcf.RootElement,
+    chosen: PixelOptions,
+    goal_scene: Callable[[], GoalScene],
+    start: Callable[[], Start],
+) -> dict[str, CameraObservable]:
     """Returns the enabled observables `<camera>_rgb`, `<camera>_depth`, `<camera>_segmentation`.
 
     Their arrays are (height, width, 3) uint8, (height, width, 1) float32 in m, and
-    (height, width, 2) int32: object id and object type.
+    (height, width, 2) int32: object id and object type. With the option `goal` there are
+    `<camera>_goal_rgb` and so on as well.
+
+    Args:
+        mjcf_model: The model.
+        chosen: Which pictures.
+        goal_scene: Returns the scene at the goal; not asked before the model is compiled.
+        start: Returns the present episode's start.
 
     Raises:
         ValueError: if a camera is not in the model; the message lists those that are.
@@ -121,11 +181,15 @@ def observables(mjcf_model: mjcf.RootElement, chosen: PixelOptions) -> dict[str,
     elements = {each.full_identifier: each for each in mjcf_model.find_all('camera')}
     kinds = ['rgb']
     kinds += ['depth'] * chosen.depth + ['segmentation'] * chosen.segmentation
-    made = {}
+    made: dict[str, CameraObservable] = {}
     for name in chosen.cameras:
         checks.one_of('camera', name, elements)
         for kind in kinds:
             made[f'{name}_{kind}'] = CameraObservable(elements[name], chosen, kind)
+            if chosen.goal:
+                made[f'{name}_goal_{kind}'] = GoalCameraObservable(
+                    elements[name], chosen, kind, goal_scene, start
+                )
     for each in made.values():
         each.enabled = True
     return made

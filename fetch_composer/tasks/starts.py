@@ -21,7 +21,7 @@ _ELBOW_UP = (0.01, -0.83, 0.0, 1.44, 0.0, 0.95, 0.0)
 _TOLERANCE = 1e-12  # Of the inverse kinematics, in m and rad.
 _MAX_ERROR = 1e-5  # m
 
-_FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
+FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
 # An object's rim is at least so far, in m, from the axis of a gripper that is as low as it is.
 _GRIPPER_REACH = 0.0646
 _MAX_REJECTIONS = 1000
@@ -129,7 +129,7 @@ class EpisodeStarts:
         """
         radius, height = self._variations.radius_and_height(values)
         grip = self._grip_start + values.get('gripper_offset', 0.0)
-        is_low = grip[2] - _FINGERTIP_DEPTH < self._workspace.table_top + height
+        is_low = grip[2] - FINGERTIP_DEPTH < self._workspace.table_top + height
         distance = np.linalg.norm(object_position - grip[:2])
         return bool(not is_low or distance >= radius + _GRIPPER_REACH)
 
@@ -179,9 +179,9 @@ class EpisodeStarts:
         offset = values.get('gripper_offset')
         if offset is None:
             return
-        fingertips = self._grip_start[2] + offset[2] - _FINGERTIP_DEPTH
+        fingertips = self._grip_start[2] + offset[2] - FINGERTIP_DEPTH
         if fingertips < self._workspace.table_top:
-            lowest = self._workspace.table_top - self._grip_start[2] + _FINGERTIP_DEPTH
+            lowest = self._workspace.table_top - self._grip_start[2] + FINGERTIP_DEPTH
             raise ValueError(
                 f"'gripper_offset' drew {offset.tolist()}, which starts the fingers in the table: "
                 f'its z must be at least {lowest:.4f} m.'
@@ -248,6 +248,10 @@ class EpisodeStarts:
             mocap_position=gripper_position,
             mocap_quaternion=np.array(conventions.POINTING_DOWN),
         )
+
+    def usual_qpos(self) -> np.ndarray:
+        """Returns (nq,) positions that episodes have in common; a copy."""
+        return self._common_state.qpos.copy()
 
     def _solve(self, gripper_position: np.ndarray) -> np.ndarray:
         """Returns (7,) arm joints in rad."""

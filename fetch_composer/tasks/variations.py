@@ -13,7 +13,7 @@ import numpy as np
 from dm_control import mjcf
 from dm_control.composer import variation
 
-from fetch_composer.entities import arena
+from fetch_composer.entities import arena, contact_pairs
 from fetch_composer.tasks.scene import Scene
 
 # Name: (sizes of a drawn value, what it is).
@@ -39,7 +39,7 @@ _FIELDS = {
         'geom_size', 'geom_rbound', 'geom_aabb', 'bvh_aabb', 'body_mass', 'body_inertia',
     ),
     'object_mass': ('body_mass', 'body_inertia'),
-    'friction': ('geom_friction',),
+    'friction': ('geom_friction', 'pair_friction'),
     'object_color': ('mat_rgba',),
     'light_position': ('light_pos', 'light_dir'),
     'camera_offset': ('cam_pos',),
@@ -168,16 +168,20 @@ class Variations:
             self._bounding_volume = model.body_bvhadr[self._object_body]
             self._material = model.geom_matid[self._object]
             self._mass = float(model.body_mass[self._object_body])
+        self._model, every_pair = model, np.arange(model.npair)
+        usual = contact_pairs.friction(model, model.geom_friction, every_pair)
+        # Pairs with a friction of their own keep it.
+        self._pairs = np.flatnonzero((model.pair_friction == usual).all(axis=-1))
 
     def raised(self, values: Mapping[str, np.ndarray]) -> float:
         """Returns by how many m the object's centre rests higher than that of the usual one."""
         if 'object_size' not in values:
             return 0.0
-        return float(self._half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
+        return float(self.half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
 
     def radius_and_height(self, values: Mapping[str, np.ndarray]) -> tuple[float, float]:
         """Returns radius of the smallest upright cylinder around the object, and height, in m."""
-        x, y, z = self._half_extents(values).tolist()
+        x, y, z = self.half_extents(values).tolist()
         is_box = self._object_type == mujoco.mjtGeom.mjGEOM_BOX
         return (float(np.hypot(x, y)) if is_box else x), 2 * z
 
@@ -192,7 +196,8 @@ class Variations:
             size[:used] = drawn
         return size
 
-    def _half_extents(self, values) -> np.ndarray:
+    def half_extents(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Returns (3,) half of the upright object's length, width and height in m."""
         return _bounds(self._object_type, self._object_size(values))
 
     def write(
@@ -213,7 +218,7 @@ class Variations:
             name: value for name, value in values.items() if fields.keys() >= set(_FIELDS[name])
         }
         if 'object_size' in values:
-            size, half_extents = self._object_size(values), self._half_extents(values)
+            size, half_extents = self._object_size(values), self.half_extents(values)
             field('geom_size')[self._object] = size
             field('geom_rbound')[self._object] = np.linalg.norm(half_extents)
             field('geom_aabb')[self._object][3:] = half_extents
@@ -224,7 +229,11 @@ class Variations:
             inertia = _inertia(self._object_type, self._object_size(values), mass)
             field('body_inertia')[self._object_body] = inertia
         if 'friction' in values:
-            field('geom_friction')[[self._object, self._table], 0] = values['friction']
+            friction = field('geom_friction')
+            friction[[self._object, self._table], 0] = values['friction']
+            field('pair_friction')[self._pairs] = contact_pairs.friction(
+                self._model, friction, self._pairs
+            )
         if 'object_color' in values:
             colour = values['object_color']
             field('mat_rgba')[self._material][: colour.size] = colour
