@@ -7,7 +7,7 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.1']
-ONNX = ['onnxruntime>=1.17']
+ONNX = ['onnx>=1.16', 'onnxruntime>=1.17']
 EXPLORE = [
     'imageio[ffmpeg]>=2.31',
     'jinja2>=3.1',
@@ -35,8 +35,8 @@ MINARI = [
     'pillow>=10',
     *GYMNASIUM,
 ]
-LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *EXPLORE]
-TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+LEARN = ['jax>=0.4.30', 'optax>=0.2.2', *EXPLORE]
+TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
     name='fetch_composer',

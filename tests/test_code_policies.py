@@ -62,6 +62,9 @@ class Reusing:
         self.buffer[:3] = observation['desired_goal'] - observation['observation'][:3]
         return self.buffer
 
+def masked(observation):
+    return np.ma.array(np.ones(4), mask=[1, 0, 0, 0])
+
 a_number = 3
 """
 
@@ -129,6 +132,7 @@ def test_a_maker_makes_a_policy_for_each_episode(code, maker):
     [
         ('short', RuntimeError, r'before the first step: .*shape \(3,\); \(4,\) is needed'),
         ('words', RuntimeError, 'before the first step: .*floats are needed'),
+        ('masked', RuntimeError, 'before the first step: .*masked values'),
         ('broken', RuntimeError, r'before the first step: ZeroDivisionError.*own_.*\.py, line 30'),
         ('late', RuntimeError, r'step [12]: .*The action is not finite for seed 9'),
         ('missing', ValueError, "there is no 'missing' in .*it has .*still"),
