@@ -5,24 +5,38 @@ import json
 import os
 import pathlib
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 
+_PART = '.fetch_composer_part_'  # And a random name: a folder that only its maker can write to.
+
+
 @contextlib.contextmanager
 def whole_file(path: pathlib.Path) -> Iterator[pathlib.Path]:
     """Gives a path to write to, which takes the place of `path` once all is written.
 
-    If writing fails or is interrupted, `path` stays what it was.
+    If writing fails or is interrupted, `path` stays what it was. Nothing that others may have put
+    into the folder, such as a link, is written through.
     """
-    partial = path.with_name(f'.{path.stem}.{os.getpid()}.part{path.suffix}')
-    try:
+    with tempfile.TemporaryDirectory(
+        prefix=_PART, dir=path.parent, ignore_cleanup_errors=True
+    ) as folder:
+        partial = pathlib.Path(folder, path.name)
         yield partial
         os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+
+
+def clear_parts(folder: pathlib.Path) -> None:
+    """Removes what a process that was killed while it wrote has left in a folder.
+
+    No other process may write into it.
+    """
+    for path in folder.glob(f'{_PART}*'):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def prepare_folder(folder: pathlib.Path) -> None:
@@ -32,11 +46,7 @@ def prepare_folder(folder: pathlib.Path) -> None:
         OSError: if they cannot.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    probe = folder / f'.{os.getpid()}.part'
-    try:
-        probe.touch()
-    finally:
-        probe.unlink(missing_ok=True)
+    tempfile.TemporaryDirectory(prefix=_PART, dir=folder).cleanup()
 
 
 def save_arrays(
