@@ -31,6 +31,7 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3_explorer.py
+	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_videos.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
@@ -51,7 +52,7 @@ learn: $(VENV)/.learn  ## Learn Push from nothing; about five minutes.
 	$(BIN)/python -m fetch_composer.learning --task push --output_dir output/learn_push
 
 curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.md; most of a day.
-	$(BIN)/python docs/make_curves.py
+	$(BIN)/python -m docs.make_curves
 
 results: $(VENV)/.explore  ## Make the standard evaluations for docs/results.md; some minutes.
 	MUJOCO_GL=disabled $(BIN)/python -m docs.make_results
@@ -78,7 +79,7 @@ parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajec
 	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python --write docs/conventions.md
 
 transfer: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Run the trained policies in Gymnasium-Robotics.
-	MUJOCO_GL=disabled $(BIN)/python -m benchmarks.transfer --peer .venv-gymnasium_robotics_current/bin/python --write docs/learning.md
+	MUJOCO_GL=disabled $(BIN)/python -m benchmarks.transfer --peer .venv-gymnasium_robotics_current/bin/python --write docs/policies.md
 
 clean:  ## Remove everything that was made, the virtual environments included.
 	rm -rf $(VENV) $(PEER_VENVS) .venv-clients-* build dist output *.egg-info stand_ins/*/build stand_ins/*/*.egg-info .pytest_cache .ruff_cache .mypy_cache

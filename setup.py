@@ -24,6 +24,7 @@ SB3 = [
     'stable-baselines3>=2.9.2,<2.10',
     'sb3-contrib>=2.9.2,<2.10',
     'matplotlib>=3.7',
+    'moviepy>=2',  # For VecVideoRecorder, and for Gymnasium's RecordVideo.
     *GYMNASIUM,
 ]
 TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]

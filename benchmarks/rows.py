@@ -15,7 +15,7 @@ NUM_ENVS = (1, 8, 64, 256)
 
 _SINGLE_STEPS = 200  # Control steps in a round of a single environment ...
 _BATCH_STEPS = 1600  # ... and of a batch, over all of its environments.
-_RESETS = 100
+_CALLS = 100  # Of another operation than a step.
 _EPISODES = 128
 _PICTURES = 20
 _PICTURE_SIZES = (84, 480)  # Pixels, high and wide.
@@ -73,11 +73,11 @@ def _single(convention: str, interface: str = 'dm_env', operation: str = 'step')
         'convention': convention,
         'interface': interface,
         'operation': operation,
-        'num_steps': _RESETS if operation == 'reset' else _SINGLE_STEPS,
+        'num_steps': _SINGLE_STEPS if operation == 'step' else _CALLS,
     }
     label = f'{names[convention]}, {interfaces[interface]}'
-    if operation == 'reset':
-        label = f'reset of {label}'
+    if operation != 'step':
+        label = f'{operation} of {label}'
     return Worker(label, OWN, 'composer_single', options)
 
 
@@ -140,17 +140,25 @@ def envpool_row(num_envs: int, convention: str = 'documented') -> Row:
     return Row('batch', ours, peer, 'speed', goal=goal, num_envs=num_envs, pairs=0.5)
 
 
+def _against_step(group: str, operation: str, convention: str, goal: float) -> Row:
+    """Returns an operation against a control step of the same environment."""
+    peer = dataclasses.replace(_single(convention), label='one control step of it')
+    return Row(group, _single(convention, operation=operation), peer, 'time', goal=goal)
+
+
 def reset_rows() -> list[Row]:
-    """Returns the rows of a reset against a control step of the same environment."""
+    """Returns the rows of a reset."""
     return [
-        Row(
-            'reset',
-            _single(convention, operation='reset'),
-            dataclasses.replace(_single(convention), label='one control step of it'),
-            'time',
-            goal=1.0,
-        )  # fmt: skip
+        _against_step('reset', 'reset', convention, 1.0)
         for convention in ('documented', 'gymnasium_robotics')
+    ]
+
+
+def state_rows() -> list[Row]:
+    """Returns the rows of taking a state, and of restoring it."""
+    return [
+        _against_step('state', operation, 'documented', 0.1)
+        for operation in ('get_state', 'set_state')
     ]
 
 
@@ -227,6 +235,7 @@ def all_rows() -> list[Row]:
         *(envpool_row(num_envs) for num_envs in NUM_ENVS),
         envpool_row(64, 'gymnasium_robotics'),
         *reset_rows(),
+        *state_rows(),
         *pixels_rows(),
         start_up_row(),
         ray_row(),

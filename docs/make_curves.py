@@ -1,6 +1,7 @@
-"""Learns every task with several seeds, and writes the curves and figures of docs/learning.md.
+"""Learns every task with several seeds, and writes the curves and figures of docs/learning.md, and
+the table of docs/policies.md.
 
-`python docs/make_curves.py` (`make curves`) takes most of a day. Stopped, it goes on where it
+`python -m docs.make_curves` (`make curves`) takes most of a day. Stopped, it goes on where it
 was: runs that are finished are not made again, unless settings have changed. With `--draw` it
 learns nothing and only writes what is there.
 """
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import figure
 
+from benchmarks import markdown
 from fetch_composer import policies
 from fetch_composer.explorer import files
 from fetch_composer.explorer.pictures import style
@@ -23,9 +25,9 @@ from fetch_composer.learning import curve, settings
 
 _DOCS = pathlib.Path(__file__).parent
 _DATA = _DOCS / 'curves'
-_PAGE = _DOCS / 'learning.md'
 _POLICIES = pathlib.Path(policies.__file__).parent / 'trained'
-_MARKS = '<!-- {} by make_curves.py. -->\n', '<!-- End of {}. -->\n'
+_CURVES_TABLE = 'curves table: made by make curves'
+_POLICIES_TABLE = 'policies table: made by make curves'
 
 _TASKS = ('reach', 'push', 'pick_and_place', 'slide')
 _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
@@ -48,7 +50,7 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
                     continue
                 print(name, flush=True)
                 command = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
-                flags = [f'--convention={convention}', f'--seed={seed}']
+                flags = [f'--convention={convention}', f'--seed={seed}', '--no-report']
                 subprocess.run([*command, *flags, f'--output_dir={runs / name}'], check=True)
                 keep(runs / name, name)
 
@@ -168,21 +170,13 @@ def _policies() -> str:
     return '\n'.join(rows) + '\n'
 
 
-def _write(name: str, table: str) -> None:
-    """Puts a table between its marks of the page."""
-    begin, end = (mark.format(name) for mark in _MARKS)
-    before, _, rest = _PAGE.read_text(encoding='utf-8').partition(begin)
-    _, _, after = rest.partition(end)
-    files.save_text(_PAGE, f'{before}{begin}\n{table}\n{end}{after}')
-
-
 def main(args: argparse.Namespace) -> None:
     _DATA.mkdir(exist_ok=True)
     if not args.draw:
         _learn(args.runs, args.seeds)
     _draw()
-    _write('Figures', _table())
-    _write('Policies', _policies())
+    markdown.write_between_markers(_DOCS / 'learning.md', _CURVES_TABLE, _table())
+    markdown.write_between_markers(_DOCS / 'policies.md', _POLICIES_TABLE, _policies())
 
 
 if __name__ == '__main__':

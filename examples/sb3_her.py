@@ -54,7 +54,7 @@ def main(args: argparse.Namespace) -> None:
     model = TD3(
         'MultiInputPolicy',
         VecNormalize(env, norm_reward=False, clip_obs=5),
-        learning_starts=400 * args.num_envs,  # Eight episodes of random actions each.
+        learning_starts=100 * args.num_envs,  # Two episodes of random actions each.
         batch_size=256,
         gamma=0.96,
         tau=0.01,

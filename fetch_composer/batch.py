@@ -1,7 +1,6 @@
 """Many environments of one task, advanced together on native threads."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import dm_env
@@ -10,6 +9,7 @@ from dm_control.rl import control
 from dm_env import specs
 
 from fetch_composer import simulations, tasks
+from fetch_composer.batch_episodes import BatchEpisodes
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts
 from fetch_composer.tasks.state import State
@@ -23,7 +23,8 @@ class BatchEnvironment:
 
     An environment whose episode has ended starts its next one in the following call of `step`,
     which ignores its action and gives it a time step of type FIRST, as `dm_env` has it. Such
-    rows have reward 0 and discount 1.
+    rows have reward 0 and discount 1. With `terminate_on_success` episodes end at different times,
+    those at their goals with discount 0.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class BatchEnvironment:
         self._compiled = Environment(task_made, random_state=0)
         self._is_closed = False
         self._starts = task_made.starts
+        self._episodes = BatchEpisodes(self._num_envs, task_made)
         self._simulations: simulations.Simulations
         if self._num_envs == 1:
             self._simulations = simulations.OneSimulation(self._compiled.physics, task_made)
@@ -77,14 +79,6 @@ class BatchEnvironment:
                 self._compiled.physics, task_made, self._num_envs, self._num_threads
             )
         self.seed(seed)
-        self._identity, self._variations = task_made.identity, task_made.variations
-        self._goals = np.zeros((self._num_envs, 3))
-        self._drawn: list[Mapping[str, np.ndarray]] = [{}] * self._num_envs
-        # For their next episodes; only a state of a single environment brings any.
-        self._given = [starts.Start()] * self._num_envs
-        self._steps_taken = np.zeros(self._num_envs, dtype=np.int64)
-        self._step_type: np.ndarray = np.full(self._num_envs, dm_env.StepType.LAST)
-        self._reset_next_step: np.ndarray = np.ones(self._num_envs, dtype=bool)
 
     @property
     def num_envs(self) -> int:
@@ -111,6 +105,16 @@ class BatchEnvironment:
         """Name of the convention."""
         return self._options.convention
 
+    @property
+    def steps_taken(self) -> np.ndarray:
+        """(num_envs,) control steps of each environment since its episode started; a copy."""
+        return self._episodes.steps_taken.copy()
+
+    @property
+    def is_over(self) -> np.ndarray:
+        """(num_envs,) whether the next step starts another episode; a copy."""
+        return self._episodes.is_over.copy()
+
     def seed(self, seed) -> None:
         """Seeds every environment anew; its current episode goes on.
 
@@ -122,8 +126,7 @@ class BatchEnvironment:
             ValueError: if a seed is not a non-negative integer or None, or if there is not one
                 for each environment; nothing has changed.
         """
-        seeds = seeding.seeds_of_many(seed, self._num_envs)
-        self._random_states = [seeding.SeededRandomState(each) for each in seeds]
+        self._episodes.seed(seeding.seeds_of_many(seed, self._num_envs))
 
     def reset(self, ids=None, object_position=None, goal=None, seed=None) -> dm_env.TimeStep:
         """Starts a new episode in every environment, or in some.
@@ -143,40 +146,25 @@ class BatchEnvironment:
         """
         self._check_open()
         ids = checks.ids(ids, self._num_envs)
-        given = [
-            self._starts.check(*each)
-            for each in zip(
-                checks.places('object_position', object_position, len(ids), 2),
-                checks.places('goal', goal, len(ids), 3),
-                strict=True,
-            )
-        ]
+        given = None  # Whatever states have brought.
+        if object_position is not None or goal is not None:
+            given = [
+                self._starts.check(*each)
+                for each in zip(
+                    checks.places('object_position', object_position, len(ids), 2),
+                    checks.places('goal', goal, len(ids), 3),
+                    strict=True,
+                )
+            ]
         if seed is not None:
             self.seed(seed)
         order = np.argsort(ids)  # MuJoCo wants them sorted.
-        self._start_episodes(ids[order], [given[i] for i in order])
+        self._start_episodes(ids[order], given and [given[i] for i in order])
         return self._time_step(np.zeros(self._num_envs, dtype=bool))
 
-    def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start]) -> None:
-        self._reset_next_step[ids] = True  # Until the episodes have started.
-        generators = [self._random_states[i].get_state() for i in ids] if self._variations else []
-        try:
-            drawn = [
-                self._starts.draw(self._random_states[i], each)
-                for i, each in zip(ids, given, strict=True)
-            ]
+    def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start] | None = None) -> None:
+        with self._episodes.starting(ids, given) as drawn:
             self._simulations.start(ids, drawn)
-        except BaseException:
-            # What was refused has drawn nothing.
-            for i, generator in zip(ids, generators, strict=False):
-                self._random_states[i].set_state(generator)
-            raise
-        for i, start in zip(ids, drawn, strict=True):
-            self._goals[i] = start.goal
-            self._drawn[i], self._given[i] = start.variations, starts.Start()
-        self._steps_taken[ids] = 0
-        self._step_type[ids] = dm_env.StepType.FIRST
-        self._reset_next_step[ids] = False
 
     def get_states(self, ids=None) -> list[State]:
         """Returns the states of all environments, or of some, as `Environment.get_state` has them.
@@ -188,23 +176,10 @@ class BatchEnvironment:
             ValueError: if an id is not valid.
         """
         self._check_open()
-        states = []
-        for i in checks.ids(ids, self._num_envs):
-            physics, gripper_pose = self._simulations.get(i)
-            states.append(
-                State(
-                    **dataclasses.asdict(self._identity),
-                    physics=physics,
-                    gripper_pose=gripper_pose,
-                    goal=self._goals[i].copy(),
-                    steps_taken=int(self._steps_taken[i]),
-                    is_over=bool(self._reset_next_step[i]),
-                    variations=self._drawn[i],
-                    given=self._given[i].given(),
-                    generator=self._random_states[i].get_state(),
-                )
-            )
-        return states
+        return [
+            self._episodes.get(i, *self._simulations.get(i))
+            for i in checks.ids(ids, self._num_envs)
+        ]
 
     def set_states(self, states: Sequence[State], ids=None) -> None:
         """Restores states, each in an environment; the same one may be restored in several.
@@ -222,20 +197,12 @@ class BatchEnvironment:
         if len(states) != len(ids):
             raise ValueError(f'{len(ids)} states are needed, got {len(states)}.')
         for i, state in zip(ids, states, strict=True):
-            self._identity.check(state)
-            self._variations.check_drawn(state.variations)
-            seeding.check_generator(self._random_states[i], state.generator)
+            self._episodes.check(i, state)
         order = np.argsort(ids)  # MuJoCo wants them sorted.
         ids, states = ids[order], [states[i] for i in order]
         self._simulations.set(ids, states)
         for i, state in zip(ids, states, strict=True):
-            self._goals[i] = state.goal
-            self._drawn[i], self._given[i] = state.variations, starts.Start.of(state.given)
-            self._steps_taken[i] = state.steps_taken
-            self._reset_next_step[i] = state.is_over
-            running = dm_env.StepType.MID if state.steps_taken else dm_env.StepType.FIRST
-            self._step_type[i] = dm_env.StepType.LAST if state.is_over else running
-            self._random_states[i].set_state(dict(state.generator))
+            self._episodes.set(i, state)
 
     def step(self, actions) -> dm_env.TimeStep:
         """Advances every environment by one control step.
@@ -254,45 +221,48 @@ class BatchEnvironment:
         """
         self._check_open()
         actions = drive.clip(actions, (self._num_envs,))
-        running = ~self._reset_next_step
+        running = ~self._episodes.is_over
         if running.all():
-            self._advance(actions, None)
+            diverged = self._advance(actions, None)
         else:
-            finished, ids = np.flatnonzero(~running), np.flatnonzero(running)
-            self._start_episodes(finished, [self._given[i] for i in finished])
-            if len(ids):
-                self._advance(actions[ids], ids)
-        return self._time_step(running)
-
-    def _advance(self, actions: np.ndarray, ids: np.ndarray | None) -> None:
-        """Advances some environments; None for all, which needs no copies."""
-        diverged = self._simulations.advance(actions, ids)
-        rows: Any = ... if ids is None else ids
-        self._steps_taken[rows] += 1
-        self._step_type[rows] = dm_env.StepType.MID
-        limit = self._options.max_episode_steps
-        if limit is not None:
-            self._reset_next_step = self._steps_taken >= limit
-            self._step_type[self._reset_next_step] = dm_env.StepType.LAST
+            self._start_episodes(np.flatnonzero(~running))
+            ids = np.flatnonzero(running)
+            diverged = self._advance(actions[ids], ids)
+        time_step = self._time_step(running)
         if diverged.size:
             # They start anew with the next step, while the others go on.
-            self._reset_next_step[diverged] = True
-            self._step_type[diverged] = dm_env.StepType.LAST
+            self._episodes.end(diverged)
             raise control.PhysicsError(f'Physics diverged in environments {diverged.tolist()}.')
+        return time_step
+
+    def _advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
+        """Advances some environments and returns the ids of those whose physics diverge.
+
+        Args:
+            actions: (n, 4) clipped actions of these environments.
+            ids: (n,) which ones; None for all, which needs no copies.
+        """
+        rows: Any = ... if ids is None else ids
+        diverged = self._simulations.advance(actions, ids) if ids is None or len(ids) else ids
+        self._episodes.advance(rows)
+        return diverged
 
     def _time_step(self, advanced: np.ndarray) -> dm_env.TimeStep:
         """Returns a time step; environments that have not advanced get no reward."""
-        achieved_goal = self._simulations.achieved_goal()
-        reward = rewards.compute_reward(achieved_goal, self._goals, self._options.reward_type)
+        achieved_goal, goals = self._simulations.achieved_goal(), self._episodes.goals
+        reward = rewards.compute_reward(achieved_goal, goals, self._options.reward_type)
         reward[~advanced] = 0
+        discount = np.ones(self._num_envs)
+        if self._options.terminate_on_success:
+            discount[self._episodes.end_at_goal(achieved_goal, advanced)] = 0
         return dm_env.TimeStep(
-            step_type=self._step_type.copy(),
+            step_type=self._episodes.step_type.copy(),
             reward=reward,
-            discount=np.ones(self._num_envs),
+            discount=discount,
             observation={
                 'observation': self._simulations.observation(),
                 'achieved_goal': achieved_goal,
-                'desired_goal': self._goals.copy(),
+                'desired_goal': goals.copy(),
             },
         )
 

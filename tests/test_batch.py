@@ -1,5 +1,6 @@
 """The native batch against as many single environments."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -55,7 +56,9 @@ def test_environment_i_is_the_single_environment_of_seed_plus_i(
 def test_environments_that_end_at_different_times_start_anew_each_on_its_own():
     batch = fetch_composer.BatchEnvironment('push', _NUM_ENVS, seed=0, max_episode_steps=4)
     batch.reset()
-    batch._steps_taken[1] = 2  # As though this environment were two steps ahead.
+    # As though this environment were two steps ahead.
+    ahead = dataclasses.replace(batch.get_states([1])[0], steps_taken=2)
+    batch.set_states([ahead], [1])
     types = []
     for actions in episodes.uniform_actions(7, batch_shape=(_NUM_ENVS,)):
         time_step = batch.step(actions)

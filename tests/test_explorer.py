@@ -294,3 +294,8 @@ def test_a_contact_sheet_shows_start_and_end_and_no_step_twice(steps, shown):
     selected = contact_sheet.shown_steps(steps)
     assert len(selected) == len(set(selected)) == shown
     assert selected[0] == 0 and selected[-1] == steps
+
+
+def test_of_a_shorter_episode_it_shows_the_columns_of_the_others_and_its_own_end():
+    assert contact_sheet.shown_steps(50, 20) == [0, 7, 14, 20]
+    assert contact_sheet.shown_steps(50, 21) == [0, 7, 14, 21]

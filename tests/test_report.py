@@ -21,6 +21,7 @@ from fetch_composer.explorer.results import compare, statistics
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
 from fetch_composer.tasks import TaskOptions, is_success, registry
+from fetch_composer.tasks.state import Identity
 
 _EVIL = '<script>alert("x")</script>$a_b$ & \'"'
 _VOID = {'meta', 'img', 'br', 'link', 'input', 'hr'}
@@ -75,13 +76,15 @@ def episodes():
 @pytest.fixture(scope='module')
 def setting():
     task = registry.make('push')
-    return Setting('push', 'documented', task.workspace, True, 0.04)
+    identity = Identity('push', 'documented', '', '3')
+    return Setting('push', 'documented', task.workspace, True, 0.04, 3, identity)
 
 
 def _film(tmp_path):
     path = tmp_path / 'film.mp4'
     path.write_bytes(b'a film')
-    return Film(path, [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3)
+    thumbnails = [Image.fromarray(np.zeros((8, 12, 3), np.uint8))] * 3
+    return Film(path, thumbnails, np.zeros((4, 30)), np.zeros((4, 7)))
 
 
 def _render(options, candidates, setting, comparisons=(), **flags):

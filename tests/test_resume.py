@@ -225,5 +225,7 @@ def test_a_film_that_is_there_is_not_taken_again(tmp_path):
     kept = film.kept(folder, episode)
     assert kept.path == taken.path and taken.path.stat().st_size > 0
     assert len(kept.thumbnails) == len(taken.thumbnails) == 5
+    assert len(kept.physics) == len(kept.gripper_pose) == 5
+    np.testing.assert_array_equal(kept.physics, taken.physics)
     for one, other in zip(kept.thumbnails, taken.thumbnails, strict=True):
         np.testing.assert_array_equal(np.asarray(one), np.asarray(other))

@@ -1,7 +1,9 @@
 """States: what follows a restored one is, to the bit, what followed when it was taken."""
 
 import dataclasses
+import pathlib
 import pickle
+import runpy
 import subprocess
 import sys
 
@@ -188,3 +190,20 @@ def test_through_gymnasium():
     for action, value in zip(actions, expected, strict=True):
         observation = vector.step(np.tile(action, (2, 1)))[0]['observation']
         np.testing.assert_allclose(observation, [value, value], rtol=0, atol=1e-15)
+
+
+def test_the_example_finds_a_plan_that_is_better_than_none():
+    example = runpy.run_path(str(pathlib.Path(__file__).parents[1] / 'examples/planning.py'))
+    env = fetch_composer.load('push', seed=1000)
+    env.reset()
+    state = env.get_state()
+    batch = fetch_composer.BatchEnvironment('push', 64, seed=0, max_episode_steps=None)
+    nothing = np.zeros((5, 4))
+    plan = example['plan'](batch, state, nothing, np.random.default_rng(0))
+
+    def cost(knots):
+        batch.set_states([state], [0])
+        taken = [batch.step(np.tile(knot, (64, 1))) for knot in knots for _ in range(3)]
+        return sum(example['cost'](each.observation)[0] for each in taken)
+
+    assert cost(plan) < 0.9 * cost(nothing)

@@ -19,14 +19,6 @@ _EPISODES = 100
 _FIRST_SEED = 1_000_000  # Of episodes that no policy has learned from.
 
 
-_SHIPPED = ('pick_and_place', 'push', 'reach')  # Slide is not learned well enough yet.
-
-
-@pytest.fixture(params=_SHIPPED)
-def task_name(request) -> str:
-    return request.param
-
-
 @pytest.fixture
 def path(task_name, convention) -> pathlib.Path:
     return _FOLDER / f'{task_name}_{convention}.onnx'

@@ -1,4 +1,6 @@
-"""A single Push of ours, through either interface: its control steps or its resets."""
+"""A single Push of ours, through either interface: its control steps, resets and states."""
+
+import functools
 
 import fetch_composer
 from benchmarks.workers import protocol, rounds
@@ -14,7 +16,7 @@ def _through_dm_env(convention: str):
         env.reset()
         return rounds.episode_actions(episode)
 
-    return start_episode, env.step, env.reset
+    return start_episode, env
 
 
 def _through_gymnasium(convention: str):
@@ -26,7 +28,7 @@ def _through_gymnasium(convention: str):
         env.reset(seed=episode)
         return rounds.episode_actions(episode)
 
-    return start_episode, env.step, env.reset
+    return start_episode, env
 
 
 _INTERFACES = {'dm_env': _through_dm_env, 'gymnasium': _through_gymnasium}
@@ -36,16 +38,19 @@ def build(num_steps: int, convention: str, interface: str = 'dm_env', operation:
     """Returns what measures one round.
 
     Args:
-        num_steps: Control steps, or resets, in a round.
+        num_steps: Control steps, or calls of another operation, in a round.
         convention: 'documented' or 'gymnasium_robotics'.
         interface: 'dm_env' or 'gymnasium'.
-        operation: 'step' or 'reset'.
+        operation: 'step', 'reset', 'get_state' or 'set_state'.
     """
-    start_episode, step, reset = _INTERFACES[interface](convention)
-    if operation == 'reset':
-        start_episode(0)
-        return rounds.Repeating(reset, num_steps)
-    return rounds.Stepping(start_episode, step, num_steps)
+    start_episode, env = _INTERFACES[interface](convention)
+    if operation == 'step':
+        return rounds.Stepping(start_episode, env.step, num_steps)
+    start_episode(0)
+    call = getattr(env, operation)
+    if operation == 'set_state':
+        call = functools.partial(call, env.get_state())
+    return rounds.Repeating(call, num_steps)
 
 
 if __name__ == '__main__':

@@ -1,11 +1,12 @@
 """What a run is asked to do."""
 
 import dataclasses
+import functools
 import pathlib
 import re
 from collections.abc import Sequence
 
-from fetch_composer.explorer.episodes import batch_rollout
+from fetch_composer.explorer.episodes import batch_rollout, origin
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions, checks
@@ -49,6 +50,9 @@ class Options:
         dataset: Minari dataset to write the episodes to: [namespace/]name-v0.
         imports: Module to import first, which registers a task of your own; it may lie in the
             working folder.
+        from_state: The trajectories.npz of another run, whose filmed episodes the policy goes on
+            with from a control step; choose among them with seed and episodes.
+        step: The control step of from_state, from 0, from which the policy acts.
     """
 
     task: str = 'push'
@@ -70,6 +74,8 @@ class Options:
     ray: str | None = None
     dataset: str | None = None
     imports: Sequence[str] = dataclasses.field(default=(), metadata={'flag': 'import'})
+    from_state: str | None = None
+    step: int = 0
 
     def check(self) -> None:
         """Raises `ValueError`, which says what is valid, if an option is out of range.
@@ -79,6 +85,7 @@ class Options:
         for name in ('episodes', 'num_envs', 'num_films', 'supersampling'):
             checks.integer(name, getattr(self, name), 1)
         checks.integer('seed', self.seed, 0)
+        self._check_origin()
         if not self.policy:
             raise ValueError('policy must name at least one.')
         if len(set(self.policy)) < len(self.policy):
@@ -105,6 +112,27 @@ class Options:
                 raise ValueError('dataset is of one policy; give a single --policy.')
             minari_dataset.check_name(self.dataset)
 
+    def _check_origin(self) -> None:
+        checks.integer('step', self.step, 0)
+        if self.from_state is None:
+            if self.step:
+                raise ValueError('step is of from_state, which says whose step it is; give both.')
+            return
+        if pathlib.Path(self.from_state).resolve().is_relative_to(self.folder.resolve()):
+            raise ValueError(
+                f'from_state lies in {self.folder}, whose files this run would replace: choose '
+                'another output_dir.'
+            )
+
+    @functools.cached_property
+    def origin(self) -> origin.Origin | None:
+        """What the episodes are the continuation of; None for whole ones.
+
+        Raises:
+            ValueError: if `from_state` holds no states of that step.
+        """
+        return None if self.from_state is None else origin.load(self.from_state, self.step)
+
     @property
     def seeds(self) -> range:
         """The seed of each episode."""
@@ -114,7 +142,8 @@ class Options:
     def folder(self) -> pathlib.Path:
         """The folder to write into."""
         names = '_vs_'.join(file_name(policy) for policy in self.policy)
-        return pathlib.Path(self.output_dir or f'output/{self.task}_{names}')
+        going_on = '' if self.from_state is None else f'_from_step_{self.step}'
+        return pathlib.Path(self.output_dir or f'output/{self.task}_{names}{going_on}')
 
     @property
     def steps(self) -> int:
@@ -133,6 +162,7 @@ class Options:
             task_options=self.task_options,
             trust_pickle=self.trust_pickle,
             imports=tuple(self.imports),
+            origin=self.origin,
         )
 
 

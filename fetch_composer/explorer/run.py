@@ -53,6 +53,8 @@ class Run:
         user_modules.load_all(options.imports)
         of_episodes = [options.of_episodes(policy) for policy in options.policy]
         self._env = suite.load(suite.DOMAIN, options.task, of_episodes[0].task_kwargs)
+        if options.origin is not None:
+            options.origin.check(self._env, options.seeds)
         context = policies.PolicyContext.of(self._env)
         observation = self._env.reset().observation
         self.candidates = [
@@ -211,8 +213,9 @@ class Run:
     def _take_films(
         self, drawer: drawing.Drawer, bar: progress.Progress, on_progress: Callable[[], None]
     ) -> None:
-        chosen, frames = self._chosen(), self.options.steps + 1
-        bar.start('films', 'frame', len(self.candidates) * len(chosen) * frames, 0)
+        chosen = self._chosen()
+        frames = sum(each.episodes[i].steps + 1 for each in self.candidates for i in chosen)
+        bar.start('films', 'frame', frames, 0)
 
         def advance(step: int) -> None:
             del step  # Unused.
@@ -225,7 +228,7 @@ class Run:
                 episode = each.episodes[index]
                 kept = film.kept(folder, episode)
                 if kept is not None:
-                    bar.advance(frames)
+                    bar.advance(episode.steps + 1)
                 each.films[index] = kept or drawer.take(folder, episode, advance)
 
     def _write(self, wall_seconds: float) -> list[writing.Written]:
@@ -294,6 +297,7 @@ class Run:
             'imports': [[each, user_modules.digest(each)] for each in options.imports],
             'versions': origins.versions(),
             'code': origins.code_digest(),
+            'from_state': options.origin and [options.origin.digest(), options.step],
         }
         # As it will be read again: with lists for tuples and arrays.
         return json.loads(json.dumps(identity, default=list))

@@ -15,6 +15,7 @@ except ImportError as error:
     ) from error
 
 from fetch_composer import tasks
+from fetch_composer.tasks import checks
 
 RENDER_FPS = 25  # Control steps in a second: pictures of an episode play in real time.
 
@@ -36,6 +37,19 @@ def spaces_of(action_spec, observation_spec) -> tuple[spaces.Box, spaces.Dict]:
     """Returns action and observation space of one environment."""
     action_space = spaces.Box(-1.0, 1.0, action_spec.shape, np.float32)
     return action_space, spaces.Dict({k: space(spec) for k, spec in observation_spec.items()})
+
+
+def picture_options(width: int, height: int, supersampling: int) -> dict[str, int]:
+    """Returns size and looks of the pictures that an adapter takes.
+
+    Raises:
+        ValueError: if a number is not valid.
+    """
+    return {
+        'height': checks.integer('height', height, 1),
+        'width': checks.integer('width', width, 1),
+        'supersampling': checks.integer('supersampling', supersampling, 1),
+    }
 
 
 def check_options(options: dict[str, Any] | None, others: Sequence[str] = ()) -> dict[str, Any]:
@@ -63,17 +77,22 @@ def check_options(options: dict[str, Any] | None, others: Sequence[str] = ()) ->
 class GoalFunctions:
     """Reward, termination and truncation as functions of goals, for hindsight relabelling."""
 
-    _reward_type: str
+    _task_options: tasks.TaskOptions
 
     def compute_reward(self, achieved_goal, desired_goal, info) -> np.ndarray:
         """Returns the reward of goals of shape (..., 3); float64, shape (...,)."""
         del info  # Unused.
-        return tasks.compute_reward(achieved_goal, desired_goal, self._reward_type)
+        return tasks.compute_reward(achieved_goal, desired_goal, self._task_options.reward_type)
 
-    def compute_terminated(self, achieved_goal, desired_goal, info) -> bool:
-        """Returns False: the tasks are continuing."""
-        del achieved_goal, desired_goal, info  # Unused.
-        return False
+    def compute_terminated(self, achieved_goal, desired_goal, info):
+        """Returns False, since the tasks are continuing, but with `terminate_on_success`.
+
+        Then it is whether the goals are achieved: bool, shape (...,).
+        """
+        del info  # Unused.
+        if not self._task_options.terminate_on_success:
+            return False
+        return tasks.is_success(achieved_goal, desired_goal)
 
     def compute_truncated(self, achieved_goal, desired_goal, info) -> bool:
         """Returns False: only the number of steps truncates an episode."""

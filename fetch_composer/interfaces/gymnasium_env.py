@@ -59,7 +59,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         # As with any environment of Gymnasium, `gym.make` limits an episode, and nothing else.
         task_kwargs.setdefault('max_episode_steps', None)
         self._env: Any = suite.load(suite.DOMAIN, task, task_kwargs)
-        self._reward_type = self._env.task.options.reward_type
+        self._task_options = self._env.task.options
         self.action_space, self.observation_space = gymnasium_common.spaces_of(
             self._env.action_spec(), self._env.observation_spec()
         )
@@ -67,9 +67,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         camera.check_name(self._env.physics, camera_name)
         self._picture: dict[str, Any] = {
             'name': camera_name,
-            'height': checks.integer('height', height, 1),
-            'width': checks.integer('width', width, 1),
-            'supersampling': checks.integer('supersampling', supersampling, 1),
+            **gymnasium_common.picture_options(width, height, supersampling),
         }
         self._camera: camera.Camera | None = None
         self._viewer: Any = None
@@ -105,7 +103,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
     @property
     def reward_type(self) -> str:
         """'sparse' or 'dense'."""
-        return self._reward_type
+        return self._task_options.reward_type
 
     @property
     def dt(self) -> float:
@@ -155,8 +153,10 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         time_step = self._env.step(action)
         if self.render_mode == 'human':
             self.render()
+        terminated = time_step.last() and time_step.discount == 0
+        truncated = time_step.last() and (not terminated or self._env.task.is_truncated())
         observation, info = dict(time_step.observation), self._info()
-        return observation, time_step.reward, False, time_step.last(), info
+        return observation, time_step.reward, terminated, truncated, info
 
     def _info(self) -> dict[str, Any]:
         return {'is_success': np.float32(self._env.task.is_success())}

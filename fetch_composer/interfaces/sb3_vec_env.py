@@ -3,6 +3,7 @@
 env = SB3VecEnv(gym.make_vec('fetch_composer/FetchPush-v2', num_envs=16))
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -21,10 +22,21 @@ class SB3VecEnv(VecEnv):
     is in `infos[i]['terminal_observation']`.
     """
 
+    metadata: dict[str, Any]
+
     def __init__(self, env: gymnasium.vector.VectorEnv) -> None:
-        """Wraps what `gym.make_vec` returns for an id of this package."""
+        """Wraps what `gym.make_vec` returns for an id of this package.
+
+        Raises:
+            ValueError: if its autoreset mode is `SAME_STEP`, which hides how episodes end.
+        """
+        if env.metadata['autoreset_mode'] == gymnasium.vector.AutoresetMode.SAME_STEP:
+            raise ValueError(
+                'SB3VecEnv starts episodes itself: leave autoreset_mode at NEXT_STEP, its default.'
+            )
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self.metadata = {**self.metadata, 'render_fps': env.metadata['render_fps']}
 
     def reset(self) -> dict[str, np.ndarray]:
         """Starts an episode everywhere, with what `seed` and `set_options` were given."""
@@ -43,15 +55,21 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self):
         """Advances every environment by one control step."""
-        observation, reward, _, done, info = self.env.step(self._actions)
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        done = terminated | truncated
         infos: list[dict[str, Any]] = [{'is_success': each} for each in info['is_success']]
         for i, each in enumerate(infos):
-            each['TimeLimit.truncated'] = bool(done[i])
+            each['TimeLimit.truncated'] = bool(truncated[i] and not terminated[i])
             if done[i]:
                 each['terminal_observation'] = {key: row[i] for key, row in observation.items()}
         if done.any():
             observation, _ = self.env.reset(options={'reset_mask': done})
         return observation, reward.astype(np.float32), done, infos
+
+    def get_images(self) -> Sequence[Any]:
+        """Returns a picture of each environment in the `render_ids` of `gym.make_vec`."""
+        pictures = self.env.render()
+        return () if pictures is None else pictures
 
     def close(self) -> None:
         """Frees the simulations."""

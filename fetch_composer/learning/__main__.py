@@ -6,10 +6,12 @@ python -m fetch_composer.learning --task push
 import argparse
 import os
 import pathlib
+import subprocess
 import sys
 
 # The networks are so small that more threads would only wait for one another.
 _ONE_THREAD = '--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1'
+_REPORTED_EPISODES = 8
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -30,6 +32,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--num_threads', type=int, help='of the simulation; all processors if None')
     parser.add_argument(
+        '--report',
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help='let the explorer film the policy at the end',
+    )
+    parser.add_argument(
         '--output_dir', type=pathlib.Path, help='folder to write into; output/learn_TASK if None'
     )
     return parser
@@ -38,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command; returns its exit status."""
     flags = _parser().parse_args(arguments)
+    environment = dict(os.environ)  # As the explorer needs it: it draws.
     os.environ.setdefault('XLA_FLAGS', _ONE_THREAD)
     os.environ.setdefault('MUJOCO_GL', 'disabled')  # Nothing is drawn here.
     try:
@@ -84,11 +93,21 @@ def main(arguments: list[str] | None = None) -> int:
         f'success {summary["success_rate"]:.3f} ({low:.3f} to {high:.3f}) over '
         f'{summary["episodes"]} held-out episodes, after {summary["environment_steps"]} steps and '
         f'{summary["minutes"]:.1f} min\n'
-        f'open {folder / "curve.png"}\n'
-        f'film it: python -m fetch_composer.explorer --task {flags.task} '
-        f'--convention {flags.convention} --policy {folder / "policy.onnx"}'
+        f'open {folder / "curve.png"}',
+        flush=True,
     )
-    return 0
+    return _explore(flags, folder, environment) if flags.report else 0
+
+
+def _explore(flags: argparse.Namespace, folder: pathlib.Path, environment: dict[str, str]) -> int:
+    """Lets the explorer report on the policy; returns its exit status."""
+    from fetch_composer.explorer.episodes import seeds
+
+    command = [sys.executable, '-m', 'fetch_composer.explorer', f'--task={flags.task}']
+    command += [f'--convention={flags.convention}', f'--policy={folder / "policy.onnx"}']
+    command += [f'--seed={seeds.TUNING.start}', f'--episodes={_REPORTED_EPISODES}']
+    command += [f'--output_dir={folder / "report"}']
+    return subprocess.run(command, env=environment, check=False).returncode
 
 
 if __name__ == '__main__':

@@ -101,9 +101,9 @@ def _update_critics(
     next_x = scale.normalize(batch.next_observation, batch.goal)
     next_action = networks.act(learner.target_actor, next_x)
     next_values = [networks.value(each, next_x, next_action) for each in learner.target_critics]
-    target = batch.reward + settings.discount * functools.reduce(jnp.minimum, next_values)
+    expected = functools.reduce(jnp.minimum, next_values)
     # With rewards of -1 and 0 no return lies outside.
-    target = jnp.clip(target, -1 / (1 - settings.discount), 0)
+    target = jnp.clip(batch.reward + settings.discount * expected, -1 / (1 - settings.discount), 0)
 
     def loss(critics: list[networks.Network]) -> jax.Array:
         errors = [networks.value(each, x, batch.action) - target for each in critics]

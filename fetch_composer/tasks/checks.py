@@ -25,6 +25,17 @@ def one_of(name: str, value: Any, valid: Iterable[str]) -> None:
         raise ValueError(f'Unknown {name} {shown(value)}; valid are {", ".join(valid)}.')
 
 
+def boolean(name: str, value: Any) -> bool:
+    """Returns a Boolean: a Python or NumPy one.
+
+    Raises:
+        ValueError: if it is something else.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f'{name} must be True or False; got {value!r}.')
+    return bool(value)
+
+
 def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
     """Returns an integer: a Python or NumPy one, or an array of no dimension.
 

@@ -1,7 +1,6 @@
 """A goal-conditioned manipulation task for the Fetch, of which Push and its kin are instances."""
 
 import collections
-import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 
@@ -37,7 +36,8 @@ class GoalTask(composer.Task):
     """Move the gripper by small displacements so that a goal is achieved, and keep it so.
 
     A subclass names its workspace, brings its object and says how starts and goals are sampled.
-    The task is continuing: an episode is only ever truncated, with discount 1.
+    The task is continuing, so that an episode is only ever truncated, with discount 1; unless
+    `terminate_on_success` is chosen, which ends it at the goal, with discount 0.
 
     Attributes:
         name: Name under which the task is registered.
@@ -225,7 +225,7 @@ class GoalTask(composer.Task):
     def get_state(self, random_state: np.random.RandomState, is_over: bool) -> state_lib.State:
         """Returns the state; see `Environment.get_state`."""
         return state_lib.State(
-            **dataclasses.asdict(self.identity),
+            **self.identity.names,
             physics=state_lib.get_physics(self._model, self._data),
             gripper_pose=self._drive.gripper_pose(),
             goal=self._goal.copy(),
@@ -250,12 +250,12 @@ class GoalTask(composer.Task):
         random_state.set_state(dict(state.generator))
         if state.variations:
             self._vary(physics, state.variations)
+        self._set_goal(state.goal)  # Before the physics, which puts the target there.
         state_lib.set_physics(self._model, self._data, state.physics)
         self._drive.set_gripper_pose(state.gripper_pose)
         self._start = starts.Start(variations=state.variations)
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
-        self._set_goal(state.goal)
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.
@@ -301,11 +301,19 @@ class GoalTask(composer.Task):
             self._observer.achieved_position.tolist(), self._goal.tolist()
         )
 
-    def should_terminate_episode(self, physics) -> bool:
-        del physics  # Unused.
+    def is_terminated(self) -> bool:
+        """Returns whether the episode ends because the goal is achieved now."""
+        return self.options.terminate_on_success and self.is_success()
+
+    def is_truncated(self) -> bool:
+        """Returns whether the episode has taken all of its steps."""
         limit = self.options.max_episode_steps
         return limit is not None and self._steps_taken >= limit
 
+    def should_terminate_episode(self, physics) -> bool:
+        del physics  # Unused.
+        return self.is_truncated() or self.is_terminated()
+
     def get_discount(self, physics) -> float:
         del physics  # Unused.
-        return 1.0
+        return 0.0 if self.is_terminated() else 1.0

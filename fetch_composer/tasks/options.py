@@ -17,6 +17,8 @@ class TaskOptions:
         reward_type: 'sparse' or 'dense'.
         max_episode_steps: Control steps after which an episode is truncated; None for episodes
             that never end.
+        terminate_on_success: Whether an episode ends as soon as its goal is achieved, with
+            discount 0.
         convention: 'documented' or 'gymnasium_robotics'.
         object_position: (2,) x and y in m at which the object starts in every episode.
         goal: (3,) desired goal in m of every episode.
@@ -33,6 +35,7 @@ class TaskOptions:
 
     reward_type: str = 'sparse'
     max_episode_steps: int | None = MAX_EPISODE_STEPS
+    terminate_on_success: bool = False
     convention: str = 'documented'
     object_position: Sequence[float] | None = None
     goal: Sequence[float] | None = None
@@ -49,6 +52,8 @@ class TaskOptions:
                 'max_episode_steps', self.max_episode_steps, 1, 'None for episodes that never end'
             )
             object.__setattr__(self, 'max_episode_steps', steps)
+        terminates = checks.boolean('terminate_on_success', self.terminate_on_success)
+        object.__setattr__(self, 'terminate_on_success', terminates)
         object.__setattr__(self, 'pixels', pixels_lib.options(self.pixels))
 
     @property

@@ -61,8 +61,8 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
         if name in pixels:
             pixels[name] = checks.integer(f'The {name} of pixels', pixels[name], 1)
     for name in ('depth', 'segmentation', 'shadows'):
-        if name in pixels and not isinstance(pixels[name], (bool, np.bool_)):
-            raise ValueError(f'{name} of pixels must be True or False; got {pixels[name]!r}.')
+        if name in pixels:
+            pixels[name] = checks.boolean(f'{name} of pixels', pixels[name])
     return PixelOptions(**pixels)
 
 

@@ -1,6 +1,7 @@
 """The state of an environment: everything that decides on what follows."""
 
 import dataclasses
+import functools
 import hashlib
 import json
 import pathlib
@@ -107,15 +108,19 @@ class Identity:
     model: str
     version: str
 
+    @functools.cached_property
+    def names(self) -> dict[str, str]:
+        """The same as a dictionary."""
+        return dataclasses.asdict(self)
+
     def check(self, state: State) -> None:
         """Raises `ValueError`, which says what differs, if a state is not of this identity."""
         if not isinstance(state, State):
             raise ValueError(f'A State is needed, as get_state returns it; got {state!r:.80}.')
-        found = {name: getattr(state, name) for name in dataclasses.asdict(self)}
         differing = [
-            f'{name} ({found[name]}, not {needed})'
-            for name, needed in dataclasses.asdict(self).items()
-            if found[name] != needed
+            f'{name} ({getattr(state, name)}, not {needed})'
+            for name, needed in self.names.items()
+            if getattr(state, name) != needed
         ]
         if differing:
             raise ValueError(

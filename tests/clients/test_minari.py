@@ -41,7 +41,7 @@ def _options(folder, **changes):
 @pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
 def test_a_dataset_is_replayed_by_the_environment_it_recovers(task_name, convention, reward_type):
     options = batch_rollout.EpisodeOptions(
-        task_name, 'random', TaskOptions(reward_type, 12, convention)
+        task_name, 'random', TaskOptions(reward_type, 12, convention=convention)
     )
     seeds = [11, 5, 7]
     minari_dataset.save('replay-v3', options, batch_rollout.run_episodes(options, seeds))
@@ -97,7 +97,7 @@ def test_a_dataset_that_cannot_be_written_whole_is_not_there(datasets, monkeypat
     options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     episodes = batch_rollout.run_episodes(options, [0, 1])
 
-    def fail(index, episode):
+    def fail(*unused):
         raise OSError('disk full')
 
     monkeypatch.setattr(minari_dataset, '_buffer', fail)
@@ -169,3 +169,19 @@ def test_reading_a_dataset_back_needs_no_import_of_ours():
     minari_dataset.save('reach-v0', options, batch_rollout.run_episodes(options, [0]))
     code = 'import minari; minari.load_dataset("reach-v0").recover_environment().reset(seed=0)'
     subprocess.run([sys.executable, '-W', 'ignore', '-c', code], check=True)
+
+
+def test_episodes_that_end_at_their_goals_are_terminated():
+    ending = TaskOptions(terminate_on_success=True, max_episode_steps=3)
+    options = batch_rollout.EpisodeOptions('push', 'random', ending)
+    found = batch_rollout.run_episodes(options, range(12))
+    assert {each.steps for each in found} == {1, 3}
+    minari_dataset.save('push-v0', options, found)
+    dataset = minari.load_dataset('push-v0')
+    for one, episode in zip(dataset.iterate_episodes(), found, strict=True):
+        last = episode.steps - 1
+        assert one.terminations.tolist() == [False] * last + [episode.is_success]
+        assert one.truncations.tolist() == [False] * last + [episode.steps == 3]
+    environment = dataset.recover_environment()
+    assert environment.unwrapped.dm_env.task.options.terminate_on_success
+    environment.close()

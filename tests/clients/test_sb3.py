@@ -24,8 +24,11 @@ pytestmark = [
 _PUSH = 'fetch_composer/FetchPush-v2'
 
 
-def _vec_env(num_envs: int) -> SB3VecEnv:
-    return SB3VecEnv(gym.make_vec(_PUSH, num_envs=num_envs))
+_REACH = 'fetch_composer/FetchReach-v2'  # Whose goals uniform actions achieve at times.
+
+
+def _vec_env(num_envs: int, env_id: str = _PUSH, **options) -> SB3VecEnv:
+    return SB3VecEnv(gym.make_vec(env_id, num_envs=num_envs, **options))
 
 
 @pytest.mark.parametrize('version', ['v2', 'v4'])
@@ -35,9 +38,11 @@ def test_the_checker_is_content(task_name, version):
     env_checker.check_env(gym.make(f'fetch_composer/Fetch{name}-{version}').unwrapped)
 
 
-def test_the_native_batch_is_what_their_own_vector_of_environments_is():
-    native = _vec_env(3)
-    other = vec_env.DummyVecEnv([lambda: gym.make(_PUSH)] * 3)
+@pytest.mark.parametrize(('env_id', 'terminates'), [(_PUSH, False), (_REACH, True)])
+def test_the_native_batch_is_what_their_own_vector_of_environments_is(env_id, terminates):
+    options = {'terminate_on_success': terminates}
+    native, terminated = _vec_env(3, env_id, **options), 0
+    other = vec_env.DummyVecEnv([lambda: gym.make(env_id, **options)] * 3)
     assert native.observation_space == other.observation_space
     assert native.action_space == other.action_space
     for env in native, other:
@@ -53,10 +58,44 @@ def test_the_native_batch_is_what_their_own_vector_of_environments_is():
         for info, other_info in zip(infos, other_infos, strict=True):
             assert info['is_success'] == other_info['is_success']
             assert info['TimeLimit.truncated'] == other_info['TimeLimit.truncated']
+            terminated += 'terminal_observation' in info and not info['TimeLimit.truncated']
             assert ('terminal_observation' in info) == ('terminal_observation' in other_info)
             for name, value in info.get('terminal_observation', {}).items():
                 expected = other_info['terminal_observation'][name]
                 np.testing.assert_allclose(value, expected, rtol=0, atol=1e-9)
+    assert (terminated > 0) == terminates
+
+
+def test_a_vector_that_starts_episodes_by_itself_is_refused():
+    with pytest.raises(ValueError, match='leave autoreset_mode at NEXT_STEP'):
+        _vec_env(2, autoreset_mode='SameStep')
+
+
+def test_hindsight_keeps_the_ends_of_episodes_that_end_at_their_goals():
+    env = _vec_env(8, _REACH, terminate_on_success=True)
+    buffer = HerReplayBuffer(
+        2000, env.observation_space, env.action_space, env, n_envs=8, device='cpu'
+    )
+    env.seed(0)
+    observation = env.reset()
+    ended = 0
+    for action in episodes.uniform_actions(150, batch_shape=(8,)):
+        following, reward, done, infos = env.step(action)
+        last = {k: v.copy() for k, v in following.items()}
+        for i in np.flatnonzero(done):
+            ended += not infos[i]['TimeLimit.truncated']
+            for name, value in infos[i]['terminal_observation'].items():
+                last[name][i] = value
+        buffer.add(observation, last, action, reward, done, infos)
+        observation = following
+    assert ended > 0
+    batch = buffer.sample(2000)
+    assert batch.dones.any()
+    real = fetch_composer.compute_reward(
+        batch.next_observations['achieved_goal'].numpy(),
+        batch.observations['desired_goal'].numpy(),
+    )
+    np.testing.assert_array_equal(batch.rewards.numpy()[:, 0], real)
 
 
 def test_only_environments_that_are_done_start_anew():

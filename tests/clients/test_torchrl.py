@@ -7,8 +7,9 @@ import pytest
 
 pytest.importorskip('torchrl', reason="TorchRL is not installed: pip install -e '.[torchrl]'")
 
+import gymnasium as gym  # noqa: E402
 import torch  # noqa: E402
-from torchrl.envs import DMControlEnv, DMControlWrapper, GymEnv  # noqa: E402
+from torchrl.envs import DMControlEnv, DMControlWrapper, GymEnv, GymWrapper  # noqa: E402
 from torchrl.envs.utils import check_env_specs  # noqa: E402
 
 import fetch_composer  # noqa: E402
@@ -53,6 +54,24 @@ def test_both_faces_start_from_a_seed_alike(envs):
         starts.append(env.reset())
     for name in 'observation', 'achieved_goal', 'desired_goal':
         torch.testing.assert_close(starts[0][name], starts[1][name], rtol=0, atol=0)
+
+
+def test_the_native_batch_is_an_environment_of_its_size():
+    made = gym.make_vec('fetch_composer/FetchPush-v2', num_envs=3, autoreset_mode='Disabled')
+    env = GymWrapper(made)
+    assert env.batch_size == (3,)
+    check_env_specs(env)
+    following = env.rollout(60, break_when_any_done=False)['next']
+    assert following['observation'].shape == (3, 60, 25)
+    assert following['truncated'].squeeze(-1).tolist() == [[i == 49 for i in range(60)]] * 3
+
+
+def test_the_native_batch_must_not_start_episodes_by_itself():
+    """Of Gymnasium's own vector TorchRL says the same; when this fails, the document is old."""
+    for mode, message in (('NextStep', 'DISABLED'), ('SameStep', 'StopIteration')):
+        with pytest.raises(RuntimeError, match=message):
+            made = gym.make_vec('fetch_composer/FetchPush-v2', 3, autoreset_mode=mode)
+            GymWrapper(made).rollout(60, break_when_any_done=False)
 
 
 def test_a_plain_wrapper_still_refuses_composer():

@@ -17,11 +17,15 @@ import numpy as np
 from fetch_composer import policies, user_modules
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.episodes.origin import Origin
+from fetch_composer.explorer.episodes.recording import Recording
 from fetch_composer.tasks import TaskOptions
 
 PolicyLoader = Callable[[policies.PolicyContext], policies.PolicyFactory]
 
 _Observations = Mapping[str, np.ndarray]
+# Takes observations, and which rows run; returns the actions of all rows.
+_Act = Callable[[_Observations, np.ndarray], np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +38,7 @@ class EpisodeOptions:
         task_options: Options of the task.
         trust_pickle: Whether code within a policy's file may run.
         imports: Modules to import first, which register tasks of one's own.
+        origin: What the episodes are the continuation of; None for whole ones.
 
     Raises:
         ValueError: if episodes would never end.
@@ -44,6 +49,7 @@ class EpisodeOptions:
     task_options: TaskOptions = TaskOptions()
     trust_pickle: bool = False
     imports: tuple[str, ...] = ()
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         if self.task_options.max_episode_steps is None:
@@ -51,7 +57,7 @@ class EpisodeOptions:
 
     @property
     def steps(self) -> int:
-        """Control steps of an episode."""
+        """Control steps of an episode that does not end before."""
         assert self.task_options.max_episode_steps is not None
         return self.task_options.max_episode_steps
 
@@ -144,7 +150,7 @@ class BatchRollout:
         Args:
             seeds: A non-negative integer for each episode.
             on_progress: Called after every step of the batch, with the number of episodes that
-                took it; what it raises ends the run.
+                took it or ended before; what it raises ends the run.
 
         Raises:
             PolicyError: if the policy fails.
@@ -162,35 +168,32 @@ class BatchRollout:
         act = _acting_on_rows(acting)
         idle = self._batch.num_envs - count
         self._batch.seed([*seeds, *seeds[-1:] * idle])
-        time_step = self._batch.reset()
-        observations, actions, received, seconds = [time_step.observation], [], [], 0.0
-        for step in range(self._options.steps):
-            # Copied, since a policy may write to what it is given.
-            given = {name: value[:count].copy() for name, value in time_step.observation.items()}
-            with _failures_named(f'policy {self._options.policy}, step {step}'):
-                action = act(given)
+        record = Recording(seeds, self._batch.reset().observation)
+        if self._options.origin is not None:
+            self._go_back_to(self._options.origin, record, act)
+        while record.running.any():
+            with _failures_named(f'policy {self._options.policy}, step {record.steps}'):
+                action = act(record.observation, record.running)
                 _check_finite(action, seeds)
             action = np.concatenate([action, np.repeat(action[-1:], idle, axis=0)])
             started = time.perf_counter()
             time_step = self._batch.step(action)
-            seconds += time.perf_counter() - started
-            observations.append(time_step.observation)
-            actions.append(action)
-            received.append(time_step.reward)
+            record.add(action, time_step, (time.perf_counter() - started) / count)
             on_progress(count)
-        arrays = {
-            **{name: np.stack([each[name] for each in observations]) for name in observations[0]},
-            'action': np.stack(actions),
-            'reward': np.stack(received),
-        }
-        return [
-            Episode(
-                seed=seed,
-                **{name: np.ascontiguousarray(array[:, row]) for name, array in arrays.items()},
-                step_seconds=seconds / count,
-            )
-            for row, seed in enumerate(seeds)
-        ]
+        for _ in range(record.steps, self._options.steps):
+            on_progress(count)
+        return record.episodes()
+
+    def _go_back_to(self, origin: Origin, record: Recording, act: _Act) -> None:
+        """Puts the batch where recorded episodes were; policies are shown what was before."""
+        seeds = record.seeds
+        states = origin.states(seeds, self._batch.get_states(np.arange(len(seeds))))
+        for past in origin.past(seeds):
+            with _failures_named(f'policy {self._options.policy}, step {record.steps}'):
+                act(record.observation, record.running)
+            record.add_past(*past)
+        idle = self._batch.num_envs - len(seeds)
+        self._batch.set_states([*states, *states[-1:] * idle])
 
     def close(self) -> None:
         """Frees the simulations."""
@@ -255,18 +258,33 @@ def _check_finite(action: np.ndarray, seeds: Sequence[int]) -> None:
         raise policies.ActionError(f'The action is not finite for seed {which[0]}.')
 
 
-def _acting_on_rows(acting: Sequence[policies.Policy]) -> Callable[[_Observations], np.ndarray]:
-    """Returns what gives each environment's action, (n, 4): in one call, if one policy is all."""
+def _acting_on_rows(acting: Sequence[policies.Policy]) -> _Act:
+    """Returns what gives each environment's action, (n, 4): in one call, if one policy is all.
+
+    Rows that do not run get actions of 0, and no policy is asked for them alone.
+    """
     first = acting[0]
     act_on_batch = getattr(first, 'act_on_batch', None)
     if act_on_batch is not None and all(each is first for each in acting):
-        return act_on_batch
 
-    def act(observations: _Observations) -> np.ndarray:
+        def act_at_once(observations: _Observations, running: np.ndarray) -> np.ndarray:
+            # Always for all rows, whose number may decide on rounding.
+            action = np.asarray(act_on_batch(observations))
+            return action if running.all() else np.where(running[:, np.newaxis], action, 0)
+
+        return act_at_once
+
+    def act(observations: _Observations, running: np.ndarray) -> np.ndarray:
         # Copied one by one, since a policy may return the same array every time.
-        return np.stack(
-            [np.array(policy(row)) for policy, row in zip(acting, _rows(observations), strict=True)]
-        )
+        actions = [
+            np.array(policy(row))
+            for policy, row, runs in zip(acting, _rows(observations), running, strict=True)
+            if runs
+        ]
+        stacked = np.stack(actions)
+        result = np.zeros((len(acting), *stacked.shape[1:]), stacked.dtype)
+        result[running] = stacked
+        return result
 
     return act
 

@@ -51,10 +51,31 @@ class Episode:
         return float(self.reward.sum())
 
 
+def padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Returns arrays of different lengths, (length, ...) each, as one; NaN is what they lack."""
+    shape = (len(arrays), max(map(len, arrays)), *arrays[0].shape[1:])
+    dtype = np.result_type(*arrays)
+    result = np.full(shape, np.nan if dtype.kind == 'f' else 0, dtype)
+    for row, array in zip(result, arrays, strict=True):
+        row[: len(array)] = array
+    return result
+
+
+def held(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Returns arrays of different lengths, (length,) each, as one; each stays at its end."""
+    longest = max(map(len, arrays))
+    return np.stack([np.pad(each, (0, longest - len(each)), mode='edge') for each in arrays])
+
+
 def stack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
-    """Returns arrays over episodes of equal length, by name: those of `Episode`, (E, ...)."""
-    names = ('seed', 'observation', 'achieved_goal', 'desired_goal', 'action', 'reward')
-    arrays = {name: np.stack([getattr(each, name) for each in episodes]) for name in names}
-    arrays['distance'] = np.stack([each.distance for each in episodes])
-    arrays['is_success'] = np.array([each.is_success for each in episodes])
-    return arrays
+    """Returns arrays over episodes by name: those of `Episode`, (E, ...), and `steps`, (E,).
+
+    Episodes that are shorter than others have NaN at their ends.
+    """
+    names = ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward', 'distance')
+    return {
+        'seed': np.array([each.seed for each in episodes]),
+        'steps': np.array([each.steps for each in episodes]),
+        **{name: padded([getattr(each, name) for each in episodes]) for name in names},
+        'is_success': np.array([each.is_success for each in episodes]),
+    }

@@ -151,7 +151,7 @@ class RayRollout:
         Args:
             seeds: A non-negative integer for each episode.
             on_progress: Called several times a second with the number of control steps that were
-                finished since; what it raises ends the run.
+                finished since, or are not needed; what it raises ends the run.
 
         Raises:
             RayError: if workers die again and again, or have other code than this process.
@@ -174,7 +174,7 @@ class RayRollout:
                 for each in done:
                     episodes = _result(each)
                     yield episodes
-                    on_progress(sum(episode.steps for episode in episodes))
+                    on_progress(self._options.steps * len(episodes))
         finally:
             for each in pending:
                 ray.cancel(each)

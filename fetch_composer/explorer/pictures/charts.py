@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib import collections, figure, ticker
 
-from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.episodes.episode import Episode, held, padded
 from fetch_composer.explorer.pictures import style
 from fetch_composer.tasks import rewards
 
@@ -70,16 +70,18 @@ def distance_over_time(
     """Returns a plot of all distances to the goal, with their median and a band.
 
     Args:
-        episodes: Episodes of equal length.
+        episodes: The episodes; one that has ended stays where it was.
         control_timestep: Seconds from one control step to the next.
         highest_cm: Upper end of the axis, for plots that are to be compared.
     """
-    distance_cm = 100 * np.stack([each.distance for each in episodes])
+    distances_cm = [100 * each.distance for each in episodes]
+    distance_cm = held(distances_cm)
     seconds = control_timestep * np.arange(distance_cm.shape[1])
     with svg() as (canvas, result):
         axes = canvas.subplots()
         axes.axhspan(0, _THRESHOLD_CM, color=style.SUCCESS, alpha=0.1, linewidth=0)
-        lines(axes, [np.column_stack((seconds, each)) for each in distance_cm], episodes)
+        paths = [np.column_stack((seconds[: len(each)], each)) for each in distances_cm]
+        lines(axes, paths, episodes)
         if len(episodes) > 1:
             low, high = np.percentile(distance_cm, _BAND, axis=0)
             axes.fill_between(
@@ -144,10 +146,10 @@ def actions_over_time(episodes: Sequence[Episode], control_timestep: float) -> s
     """Returns a plot of the four components of the actions, with median and band.
 
     Args:
-        episodes: Episodes of equal length.
+        episodes: The episodes; one that has ended no longer counts.
         control_timestep: Seconds from one control step to the next.
     """
-    actions = np.clip(np.stack([each.action for each in episodes]), -1, 1)
+    actions = np.clip(padded([each.action for each in episodes]), -1, 1)
     seconds = control_timestep * np.arange(actions.shape[1])
     with svg(5.6) as (canvas, result):
         rows = canvas.subplots(len(_COMPONENTS), 1, sharex=True)
@@ -158,9 +160,9 @@ def actions_over_time(episodes: Sequence[Episode], control_timestep: float) -> s
                 paths = [np.column_stack((seconds, each)) for each in values]
                 lines(axes, paths, episodes)
             if len(episodes) > 1:
-                low, high = np.percentile(values, _BAND, axis=0)
+                low, high = np.nanpercentile(values, _BAND, axis=0)
                 axes.fill_between(seconds, low, high, color=style.INK, alpha=0.15, linewidth=0)
-                axes.plot(seconds, np.median(values, axis=0), color=style.INK, linewidth=1.8)
+                axes.plot(seconds, np.nanmedian(values, axis=0), color=style.INK, linewidth=1.8)
             axes.set_ylim(-1.08, 1.08)
             axes.set_yticks((-1, 0, 1))
             axes.set_ylabel(name)

@@ -29,7 +29,7 @@ class Strip:
     Attributes:
         index: Number of the episode in its run, from 0.
         episode: The episode.
-        thumbnails: Pictures of equal size, over time.
+        thumbnails: Pictures of equal size at `shown_steps`; the last one shows the end.
     """
 
     index: int
@@ -37,9 +37,16 @@ class Strip:
     thumbnails: Sequence[Image.Image]
 
 
-def shown_steps(steps: int) -> list[int]:
-    """Returns the control steps, from 0 to `steps`, that a contact sheet shows."""
-    return sorted({int(step) for step in np.linspace(0, steps, _COLUMNS).round()})
+def shown_steps(max_steps: int, steps: int | None = None) -> list[int]:
+    """Returns the control steps of an episode that a contact sheet shows.
+
+    Args:
+        max_steps: Control steps of an episode that does not end before.
+        steps: Those of the episode, which is shown to its end; None for as many.
+    """
+    steps = max_steps if steps is None else steps
+    columns = {int(step) for step in np.linspace(0, max_steps, _COLUMNS).round()}
+    return sorted({*(step for step in columns if step < steps), steps})
 
 
 def thumbnail(picture: np.ndarray) -> Image.Image:
@@ -49,18 +56,25 @@ def thumbnail(picture: np.ndarray) -> Image.Image:
     return Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS)
 
 
-def save(path: pathlib.Path, strips: Sequence[Strip], title: str, control_timestep: float) -> None:
+def save(
+    path: pathlib.Path,
+    strips: Sequence[Strip],
+    title: str,
+    control_timestep: float,
+    max_steps: int,
+) -> None:
     """Writes a png with a row for each episode.
 
     Args:
         path: The file.
-        strips: Rows of the sheet, `MAX_ROWS` at most, of episodes of equal length.
+        strips: Rows of the sheet, `MAX_ROWS` at most.
         title: Its title.
         control_timestep: Seconds from one control step to the next.
+        max_steps: Control steps of an episode that does not end before.
     """
     width, height = strips[0].thumbnails[0].size
     top = _TITLE_HEIGHT + _HEADING_HEIGHT
-    steps = shown_steps(strips[0].episode.steps)
+    steps = shown_steps(max_steps)[: max(len(each.thumbnails) for each in strips)]
     sheet = Image.new(
         'RGB',
         (

@@ -99,20 +99,25 @@ class Film:
     Attributes:
         path: The mp4 file.
         thumbnails: Pictures of equal size at `contact_sheet.shown_steps`.
+        physics: (T + 1, n) MuJoCo's integration state at every control step.
+        gripper_pose: (T + 1, 7) poses from which an action moves the gripper.
     """
 
     path: pathlib.Path
     thumbnails: Sequence[Image.Image]
+    physics: np.ndarray
+    gripper_pose: np.ndarray
 
 
 def kept(folder: pathlib.Path, episode: Episode) -> Film | None:
     """Returns the film of an episode if there is one in a folder."""
     try:
         with np.load(_thumbnails(folder, episode)) as file:
-            pictures = file['thumbnails']
+            arrays = dict(file)
     except OSError:
         return None
-    return Film(_mp4(folder, episode), [Image.fromarray(picture) for picture in pictures])
+    thumbnails = [Image.fromarray(picture) for picture in arrays.pop('thumbnails')]
+    return Film(_mp4(folder, episode), thumbnails, **arrays)
 
 
 def take(
@@ -138,7 +143,8 @@ def take(
         ReplayError: if the episode does not end as it did.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    shown, thumbnails = contact_sheet.shown_steps(episode.steps), []
+    shown = contact_sheet.shown_steps(env.task.options.max_episode_steps, episode.steps)
+    thumbnails, states = [], []
     path = _mp4(folder, episode)
     with writer(path, fps) as add_picture:
 
@@ -146,16 +152,19 @@ def take(
             on_progress(step)
             picture = camera.picture()
             add_picture(picture)
+            states.append(env.get_state())
             if step in shown:
                 thumbnails.append(contact_sheet.thumbnail(picture))
 
         replay.replay(env, episode, add)
     # Last, so that a film with thumbnails is a whole one.
-    files.save_arrays(
-        _thumbnails(folder, episode),
-        {'thumbnails': np.stack([np.asarray(each) for each in thumbnails])},
-    )
-    return Film(path, thumbnails)
+    arrays = {
+        name: np.stack([getattr(each, name) for each in states])
+        for name in ('physics', 'gripper_pose')
+    }
+    pictures = np.stack([np.asarray(each) for each in thumbnails])
+    files.save_arrays(_thumbnails(folder, episode), {'thumbnails': pictures, **arrays})
+    return Film(path, thumbnails, **arrays)
 
 
 def _mp4(folder: pathlib.Path, episode: Episode) -> pathlib.Path:

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import figure
 
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes.episode import Episode
+from fetch_composer.explorer.episodes.episode import Episode, held
 from fetch_composer.explorer.pictures import style
 from fetch_composer.tasks import rewards
 
@@ -26,13 +26,13 @@ def save_progress(
 
     Args:
         path: The file.
-        episodes: Episodes of equal length.
+        episodes: The episodes; one that has ended stays as it was.
         title: Title of the plot.
         control_timestep: Seconds from one control step to the next.
     """
-    distance_cm = 100 * np.stack([each.distance for each in episodes])
-    returns = np.cumsum([[0, *each.reward] for each in episodes], axis=1)
-    seconds = control_timestep * np.arange(distance_cm.shape[1])
+    distance_cm = [100 * each.distance for each in episodes]
+    returns = [np.cumsum([0, *each.reward]) for each in episodes]
+    seconds = control_timestep * np.arange(max(map(len, returns)))
 
     canvas = figure.Figure(figsize=_SIZE, dpi=_DPI, layout='constrained')
     # It has a name of the user's in it: dollars in that are no formulas.
@@ -76,7 +76,7 @@ def _draw(axes, seconds, values, episodes: Sequence[Episode]) -> None:
         reached = episode.is_success
         label = 'ends at the goal' if reached else 'ends elsewhere'
         axes.plot(
-            seconds,
+            seconds[: len(line)],
             line,
             color=style.SUCCESS if reached else style.FAILURE,
             alpha=alpha,
@@ -86,7 +86,7 @@ def _draw(axes, seconds, values, episodes: Sequence[Episode]) -> None:
         labelled.add(label)
     if len(episodes) > 1:
         axes.plot(
-            seconds, np.median(values, axis=0), color=style.INK, linewidth=2.4, label='median'
+            seconds, np.median(held(values), axis=0), color=style.INK, linewidth=2.4, label='median'
         )
     axes.grid(alpha=0.25)
     axes.spines[['top', 'right']].set_visible(False)

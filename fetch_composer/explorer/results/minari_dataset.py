@@ -101,12 +101,13 @@ def save(
             gymnasium.make(
                 env_id,
                 max_episode_steps=task_options.max_episode_steps,
+                terminate_on_success=task_options.terminate_on_success,
                 **{name: place for name, place in given.items() if place is not None},
             )
         ) as environment:
             minari.create_dataset_from_buffers(
                 name,
-                [_buffer(index, each) for index, each in enumerate(episodes)],
+                [_buffer(index, each, task_options) for index, each in enumerate(episodes)],
                 env=environment,
                 algorithm_name=options.policy,
                 description=f'{options.policy} on {env_id}, by explore.py.',
@@ -148,8 +149,8 @@ def _datasets_in(folder: str) -> Iterator[None]:
             os.environ[_FOLDER_VARIABLE] = before
 
 
-def _buffer(index: int, episode: Episode) -> EpisodeBuffer:
-    steps = episode.steps
+def _buffer(index: int, episode: Episode, options: tasks.TaskOptions) -> EpisodeBuffer:
+    before_last = [False] * (episode.steps - 1)
     goals = (episode.achieved_goal, episode.desired_goal)
     return EpisodeBuffer(
         id=index,
@@ -160,7 +161,7 @@ def _buffer(index: int, episode: Episode) -> EpisodeBuffer:
         },
         actions=episode.action,
         rewards=list(episode.reward),
-        terminations=[False] * steps,
-        truncations=[False] * (steps - 1) + [True],
+        terminations=[*before_last, options.terminate_on_success and episode.is_success],
+        truncations=[*before_last, episode.steps == options.max_episode_steps],
         infos={'is_success': tasks.is_success(*goals).astype(np.float32)},
     )

@@ -3,6 +3,7 @@
 import dataclasses
 
 from fetch_composer.tasks import Workspace
+from fetch_composer.tasks.state import Identity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,6 +16,8 @@ class Setting:
         workspace: Where the table is.
         has_object: Whether the achieved goal is the place of an object, or of the gripper.
         control_timestep: Seconds from one control step to the next.
+        max_steps: Control steps of an episode that does not end before.
+        identity: What a state of the task must share with it.
     """
 
     task_name: str
@@ -22,6 +25,8 @@ class Setting:
     workspace: Workspace
     has_object: bool
     control_timestep: float
+    max_steps: int
+    identity: Identity
 
     @classmethod
     def of(cls, env) -> 'Setting':
@@ -33,4 +38,6 @@ class Setting:
             task.workspace,
             task.scene.block is not None,
             env.control_timestep(),
+            task.options.max_episode_steps,
+            task.identity,
         )

@@ -14,6 +14,8 @@ FIXED: Mapping[str, Any] = {
     'reward_type': 'sparse',
     'object_position': None,
     'goal': None,
+    'terminate_on_success': False,
+    'from_state': None,
 }
 HEADER = ('task', 'convention', 'policy', 'success (%)', 'return', 'distance (cm)')
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fetch_composer.explorer import files
+from fetch_composer.explorer.episodes import episode as episode_lib
 from fetch_composer.explorer.episodes.episode import Episode
 
 try:
@@ -82,10 +83,8 @@ class Store:
         """Keeps episodes of one policy, named as in `episodes`: all of them or none."""
         self.folder(policy).mkdir(exist_ok=True)
         path = self.folder(policy) / _EPISODES.format(seed=episodes[0].seed)
-        names = [field.name for field in dataclasses.fields(Episode)]
-        files.save_arrays(
-            path, {name: np.stack([getattr(each, name) for each in episodes]) for name in names}
-        )
+        seconds = np.array([each.step_seconds for each in episodes])
+        files.save_arrays(path, {**episode_lib.stack(episodes), 'step_seconds': seconds})
 
     @property
     def is_empty(self) -> bool:
@@ -137,8 +136,11 @@ def _load(path: pathlib.Path) -> Iterator[Episode]:
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         with np.load(path) as file:
             arrays = dict(file)
-        for index in range(len(arrays['seed'])):
-            values = {name: array[index] for name, array in arrays.items()}
+        names = {field.name for field in dataclasses.fields(Episode)}
+        for index, steps in enumerate(arrays['steps']):
+            values = {name: arrays[name][index] for name in names}
+            for name in names - {'seed', 'step_seconds'}:
+                values[name] = values[name][: steps if name in ('action', 'reward') else steps + 1]
             values['seed'] = int(values['seed'])
             values['step_seconds'] = float(values['step_seconds'])
             yield Episode(**values)

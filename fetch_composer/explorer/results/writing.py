@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import episode as episode_lib
 from fetch_composer.explorer.pictures import contact_sheet, plots
@@ -101,7 +103,9 @@ def _write_pictures(
         if len(strips) < len(each.episodes):
             title += f' · {len(strips)} are shown'
         sheets.append(each.path(CONTACT_SHEET))
-        contact_sheet.save(folder / sheets[-1], strips, title, setting.control_timestep)
+        contact_sheet.save(
+            folder / sheets[-1], strips, title, setting.control_timestep, setting.max_steps
+        )
         for index, film in each.films.items():
             films.append(each.film_path(index))
             files.copy(film.path, folder / films[-1])
@@ -123,9 +127,8 @@ def _write_data(
             titles.title(each, setting),
             setting.control_timestep,
         )
-        files.save_arrays(
-            folder / each.path(TRAJECTORIES), episode_lib.stack(each.episodes), compressed=True
-        )
+        arrays = {**episode_lib.stack(each.episodes), **_states(each, setting)}
+        files.save_arrays(folder / each.path(TRAJECTORIES), arrays, compressed=True)
     return [
         Written(
             [each.path(PROGRESS) for each in candidates],
@@ -136,3 +139,16 @@ def _write_data(
             'observations, actions and rewards',
         ),
     ]
+
+
+def _states(candidate: Candidate, setting: Setting) -> dict[str, np.ndarray]:
+    """Returns the physics of the filmed episodes at every control step; see `origin.load`."""
+    if not candidate.films:
+        return {}
+    films = list(candidate.films.values())
+    return {
+        'filmed_seed': np.array([candidate.episodes[i].seed for i in candidate.films]),
+        'physics': episode_lib.padded([film.physics for film in films]),
+        'gripper_pose': episode_lib.padded([film.gripper_pose for film in films]),
+        **{name: np.array(value) for name, value in setting.identity.names.items()},
+    }

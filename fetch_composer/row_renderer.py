@@ -1,0 +1,63 @@
+"""Pictures of the environments of a batch, which itself has nothing that can be seen."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fetch_composer import suite
+from fetch_composer.tasks import camera
+from fetch_composer.tasks.state import State
+
+
+class RowRenderer:
+    """Draws one environment after the other with a simulation that takes on the state of each.
+
+    A picture is that of a single environment in the same state.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        task_kwargs: Mapping[str, Any],
+        camera_name: str,
+        height: int,
+        width: int,
+        supersampling: int = 1,
+        shadows: bool = True,
+    ) -> None:
+        """Compiles the simulation that is drawn.
+
+        Args:
+            task: Name of the task of the batch.
+            task_kwargs: Options of its task.
+            camera_name: Name of a camera.
+            height: Height of a picture in pixels.
+            width: Width of a picture in pixels.
+            supersampling: A pixel of a picture is the mean of as many pixels squared.
+            shadows: Whether things cast shadows.
+
+        Raises:
+            ValueError: if there is no such camera; the message lists those that there are.
+        """
+        self._env = suite.load(suite.DOMAIN, task, task_kwargs)
+        self._env.reset()
+        self._camera = camera.Camera(
+            self._env.physics, camera_name, height, width, supersampling, shadows
+        )
+
+    def pictures(self, states: Sequence[State]) -> tuple[np.ndarray, ...]:
+        """Returns a picture, (height, width, 3) uint8, of each state."""
+        return tuple(self._of(state).picture() for state in states)
+
+    def depths(self, states: Sequence[State]) -> tuple[np.ndarray, ...]:
+        """Returns distances in m, (height, width) float32, of each state."""
+        return tuple(self._of(state).depth() for state in states)
+
+    def _of(self, state: State) -> camera.Camera:
+        self._env.set_state(state)
+        return self._camera
+
+    def close(self) -> None:
+        """Frees the simulation; closing twice does no harm."""
+        self._env.close()
