@@ -82,6 +82,17 @@ def array(name: str, value: Any, booleans: bool = False) -> np.ndarray:
         raise ValueError(f'{name} is no array: {shown(value)} ({error}).') from None
 
 
+def sequence(name: str, value: Any) -> list:
+    """Returns a list of what is in a sequence, an array or a range.
+
+    Raises:
+        ValueError: if it is none; a single text is none either.
+    """
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+        raise ValueError(f'{name} must be a sequence; got {shown(value)}.')
+    return list(value)
+
+
 def is_numeric(value: np.ndarray) -> bool:
     """Returns whether an array is of real numbers."""
     return value.dtype.kind in 'fiu'

@@ -233,16 +233,16 @@ def options(tally: Tally, seed: int, examples: int) -> None:
 
 def explorer_options(tally: Tally, seed: int, examples: int) -> None:
     """Makes the options of a run, one of them hostile."""
-    chosen = ('episodes', 'seed', 'num_envs', 'num_films', 'films', 'width', 'height', 'fps', 'step',
-              'supersampling', 'goal', 'object_position', 'convention', 'max_episode_steps')  # fmt: skip
+    chosen = (
+        'episodes', 'seed', 'num_envs', 'num_films', 'films', 'width', 'height', 'fps', 'step',
+        'supersampling', 'goal', 'object_position', 'convention', 'max_episode_steps',
+    )  # fmt: skip
 
     def check(name, value) -> None:
         with _refused_or_right(tally, name):
             flags.make_options({name: value}).check()
 
-    _fuzz(
-        seed, examples, check, name=st.sampled_from(chosen), value=values.ANYTHING
-    )
+    _fuzz(seed, examples, check, name=st.sampled_from(chosen), value=values.ANYTHING)
 
 
 ALL: dict[str, Callable[[Tally, int, int], None]] = {

@@ -15,9 +15,9 @@ import numpy as np
 import fetch_composer
 from fetch_composer.explorer import flags
 from fetch_composer.explorer import run as run_lib
+from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import store
-from fetch_composer.explorer.episodes.episode import Episode
 from tests import episodes, runs
 from tests.hostile.tally import Tally
 

@@ -31,6 +31,7 @@ from fetch_composer.explorer.episodes.episode import Episode
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
 _GIVEN = ('object_position', 'goal')
+_HERE = pathlib.Path()
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
 
 
@@ -69,7 +70,7 @@ def save(
     name: str,
     options: batch_rollout.EpisodeOptions,
     episodes: Sequence[Episode],
-    owner: pathlib.Path,
+    owner: pathlib.Path = _HERE,
 ) -> pathlib.Path:
     """Writes episodes as a dataset, whole or not at all, and returns its folder.
 

@@ -26,7 +26,7 @@ _ALGORITHMS = {
     'sb3_contrib.tqc': ('sb3_contrib', 'TQC'),
 }
 _MOST_DATA = 64 * 2**20  # Bytes of the member that describes a model ...
-_MOST_IN_ALL = 4 * 2**30  # ... and of all members, its networks and their optimizers included.
+_MOST_IN_ALL = 2 * 2**30  # ... and of all members, its networks and their optimizers included.
 
 # Only acting is asked for: no memory is set aside for learning, and none of its settings is read.
 _ROWS = 64  # At a time: a call takes about as long as for one.
@@ -132,14 +132,14 @@ def _data(path: str) -> Any:
     try:
         with zipfile.ZipFile(path) as file:
             # No more than this is inflated, whatever is there.
-            sizes = {each.filename: each.file_size for each in file.infolist()}
-            for name, size, most in (
-                ('data', sizes['data'], _MOST_DATA), ('all', sum(sizes.values()), _MOST_IN_ALL),
+            in_all = sum(each.file_size for each in file.infolist())
+            for size, most in (
+                (file.getinfo('data').file_size, _MOST_DATA), (in_all, _MOST_IN_ALL)
             ):  # fmt: skip
                 if size > most:
                     raise ValueError(
-                        f'{path} would inflate to {size / 2**20:,.0f} MiB ({name}); of a model, '
-                        f'{most / 2**20:,.0f} MiB are read at most.'
+                        f'{path} would inflate to {size / 2**20:,.0f} MiB, where a model has '
+                        f'{most / 2**20:,.0f} MiB at most.'
                     )
             content = file.read('data')
     except FileNotFoundError:
