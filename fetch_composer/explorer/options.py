@@ -115,10 +115,11 @@ class Options:
             minari_dataset.check_name(self.dataset)
 
     def _check_size(self) -> None:
-        fitting = memory.most_episodes(self.steps) // max(1, len(self.policy))
-        if self.episodes > max(1, fitting):
+        steps = self.task_options.max_episode_steps or 1
+        fitting = max(1, memory.most_episodes(steps) // max(1, len(self.policy)))
+        if self.episodes > fitting:
             raise ValueError(
-                f'episodes must be at most {max(1, fitting)}, which fit into the memory of this '
+                f'episodes must be at most {fitting}, which fit into the memory of this '
                 f'machine; got {self.episodes}. Run more in several folders, each from a seed of '
                 'its own.'
             )

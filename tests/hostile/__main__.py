@@ -20,7 +20,7 @@ from tests.hostile.tally import Tally  # noqa: E402
 TABLE = 'soak table: made by make soak'
 _HEADER = ('tried', 'times', 'refused by name', 'defects')
 _ROUND = 200  # Examples, in each of the faces ...
-_OTHERS = {stores.kills: 3, endurance.leaks: 10}  # ... and how many of what is slower.
+_OTHERS = {stores.kills: 3, endurance.leaks: 30}  # ... and how many of what is slower.
 _FEW = 10
 _MOST_DEFECTS = 100  # Of one kind, after which it is not tried further.
 

@@ -84,7 +84,9 @@ def batches(tally: Tally, seed: int, count: int) -> None:
         _check(time_step.observation)
 
 
-_MOST_GROWTH = 8 * 2**20  # Bytes by which no round may make the process larger, once it is warm.
+_MOST_GROWTH = (
+    32 * 2**20
+)  # Bytes; of those that are left, some are Python's and MuJoCo's to use again.
 
 
 def _resident() -> int:

@@ -21,13 +21,10 @@ from fetch_composer.explorer.results import store
 from tests import episodes, runs
 from tests.hostile.tally import Tally
 
-_KILLED = ('--policy=random', '--episodes=400', '--max_episode_steps=8', '--num_envs=4')
+_KILLED = {'policy': ['random'], 'episodes': 200, 'max_episode_steps': 8, 'num_envs': 4}
+_FILES = 50
 _SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-_MOST_KILLS = 20
-
-
-def _command(folder: pathlib.Path) -> list[str]:
-    return [sys.executable, runs.EXPLORE, *_KILLED, f'--output_dir={folder}']
+_SECONDS_OF_WRITING = 2.0
 
 
 def _arrays(folder: pathlib.Path) -> dict[str, np.ndarray]:
@@ -43,43 +40,53 @@ def _assert_same(folder: pathlib.Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 @functools.cache
-def _uninterrupted() -> tuple[dict[str, np.ndarray], set[str], float]:
-    """Returns arrays, names of files, and seconds of a run that nobody has killed."""
-    with tempfile.TemporaryDirectory() as folder:
-        started = time.monotonic()
-        subprocess.run(
-            _command(pathlib.Path(folder)),
-            env=runs.environment(MUJOCO_GL='disabled'),
-            capture_output=True,
-            check=True,
-        )
-        seconds = time.monotonic() - started
-        return _arrays(pathlib.Path(folder)), runs.names(pathlib.Path(folder)), seconds
+def _uninterrupted() -> tuple[dict[str, np.ndarray], set[str]]:
+    """Returns arrays and names of files of a run that nobody has killed."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = pathlib.Path(temporary)
+        run = run_lib.Run(flags.make_options({**_KILLED, 'output_dir': temporary}), None)
+        run.run()
+        run.close()
+        return _arrays(folder), runs.names(folder)
+
+
+def _start(folder: pathlib.Path) -> subprocess.Popen:
+    return subprocess.Popen(
+        [
+            sys.executable, runs.EXPLORE, f'--output_dir={folder}',
+            *(f'--{name}={v[0] if isinstance(v, list) else v}' for name, v in _KILLED.items()),
+        ],
+        env=runs.environment(MUJOCO_GL='disabled'),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def _wait(process: subprocess.Popen, folder: pathlib.Path, count: int) -> None:
+    """Waits until so many files of episodes are there, or the process has ended."""
+    while process.poll() is None:
+        if len(list(folder.glob(f'{store.NAME}/*/episodes*.npz'))) >= count:
+            return
+        time.sleep(0.01)
 
 
 def kills(tally: Tally, seed: int, count: int) -> None:
-    """Kills a run again and again, wherever it is, until it has finished."""
+    """Kills a run again and again, at its start, in between and as it writes; then lets it end."""
     generator = random.Random(seed)
-    arrays, names, seconds = _uninterrupted()
+    arrays, names = _uninterrupted()
     with tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(temporary)
-        for _ in range(min(count, _MOST_KILLS)):
-            process = subprocess.Popen(
-                _command(folder),
-                env=runs.environment(MUJOCO_GL='disabled'),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            time.sleep(generator.uniform(0.3, 1) * seconds)
+        for _ in range(count):
+            process = _start(folder)
+            wanted = generator.choice((0, generator.randrange(_FILES), _FILES))
+            _wait(process, folder, wanted)
+            time.sleep(generator.uniform(0, _SECONDS_OF_WRITING if wanted == _FILES else 0.05))
             process.send_signal(generator.choice(_SIGNALS))
-            process.wait()
+            process.communicate()
             tally.add(was_refused=False)
-        subprocess.run(
-            _command(folder),
-            env=runs.environment(MUJOCO_GL='disabled'),
-            capture_output=True,
-            check=True,
-        )
+        process = _start(folder)
+        _, said = process.communicate()
+        assert process.returncode == 0, said.decode()
         _assert_same(folder, arrays)
         assert runs.names(folder) == names
 

@@ -12,7 +12,7 @@ _COUNTS = {
     faces.options: 25,
     faces.gymnasium_resets: 100,
     stores.kills: 1,
-    stores.damaged_stores: 4,
+    stores.damaged_stores: 3,
     stores.damaged_films: 30,
     endurance.singles: 16,
     endurance.batches: 8,

@@ -163,13 +163,13 @@ class BatchRollout:
 
     def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[Episode]:
         count = len(seeds)
+        idle = self._batch.num_envs - count
+        self._batch.seed([*seeds, *seeds[-1:] * idle])
         with _failures_named(f'policy {self._options.policy}, at the start of an episode'):
             acting = [self._make_policy(seed) for seed in seeds]
             for policy in acting:
                 policy.reset()
         act = _acting_on_rows(acting)
-        idle = self._batch.num_envs - count
-        self._batch.seed([*seeds, *seeds[-1:] * idle])
         record = Recording(seeds, self._batch.reset().observation)
         if self._options.origin is not None:
             self._go_back_to(self._options.origin, record, act)

@@ -27,7 +27,7 @@ _OF_PAGES = {
     REPLAY: 'chosen episodes to walk around in',
 }
 _OWN_NAME = re.compile(
-    r'replay\.html|(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
+    r'(replay|report)\.html|(\d+_[\w.-]+/)?(trajectories\.npz|progress\.png|contact_sheet\.png|episode_\d{3,}\.mp4)'
 )
 
 
