@@ -101,7 +101,21 @@ def test_unknown_names_are_answered_with_the_valid_ones():
         suite.load('fetch', 'throw')
 
 
-@pytest.mark.parametrize('seed', [-1, 1.5, 'a', True, np.array([1, 2]), np.float64(1)])
+@pytest.mark.parametrize(
+    'seed',
+    [
+        -1,
+        1.5,
+        'a',
+        True,
+        np.array([1, 2]),
+        np.float64(1),
+        np.ma.masked,
+        np.ma.array(1, mask=True),
+        [1, [2]],
+        -(10**5000),
+    ],
+)
 def test_seeds_that_make_no_sense_are_refused(seed):
     with pytest.raises(ValueError, match='seed must be a non-negative integer'):
         fetch_composer.load('push', seed=seed)

@@ -128,14 +128,16 @@ def test_a_link_in_the_place_of_the_store_is_refused_and_not_cleared(tmp_path):
 
 def test_more_episodes_than_fit_into_memory_are_refused_with_the_number_that_fits(tmp_path):
     for asked in (10**8, 10**12, 10**30):
-        with pytest.raises(ValueError, match=r'episodes must be at most \d+, which fit') as caught:
+        with pytest.raises(ValueError, match=r'episodes must be at most \d+ of 50 steps') as caught:
             runs.options(episodes=asked, max_episode_steps=50).check()
-    fitting = int(str(caught.value).split()[5].rstrip(','))
+    fitting = int(str(caught.value).split()[5])
     runs.options(episodes=fitting, max_episode_steps=50).check()
     with pytest.raises(ValueError, match='episodes must be at most'):
         runs.options(episodes=fitting + 1, max_episode_steps=50).check()
     with pytest.raises(ValueError, match=f'at most {fitting // 2}'):
         runs.options(episodes=fitting, policy=['zero', 'random'], max_episode_steps=50).check()
+    with pytest.raises(ValueError, match='max_episode_steps is 10+, of which no episode fits'):
+        runs.options(max_episode_steps=10**15).check()
 
 
 @pytest.mark.parametrize('first', [2**63 - 1, 2**64 - 2])

@@ -116,17 +116,22 @@ class Options:
 
     def _check_size(self) -> None:
         steps = self.task_options.max_episode_steps or 1
-        fitting = max(1, memory.most_episodes(steps) // max(1, len(self.policy)))
+        fitting = memory.most_episodes(steps) // max(1, len(self.policy))
+        if not fitting:
+            raise ValueError(
+                f'max_episode_steps is {checks.shown(steps)}, of which no episode fits into the '
+                'memory of this machine.'
+            )
         if self.episodes > fitting:
             raise ValueError(
-                f'episodes must be at most {fitting}, which fit into the memory of this '
-                f'machine; got {self.episodes}. Run more in several folders, each from a seed of '
-                'its own.'
+                f'episodes must be at most {fitting} of {steps} steps (max_episode_steps), which '
+                f'fit into the memory of this machine; got {checks.shown(self.episodes)}. Run more '
+                'in several folders, each from a seed of its own.'
             )
         if self.seed + self.episodes > _SEEDS:
             raise ValueError(
                 f'seed must be at most {_SEEDS - self.episodes} for {self.episodes} episodes, '
-                f'whose seeds files hold in 64 bits; got {self.seed}.'
+                f'whose seeds files hold in 64 bits; got {checks.shown(self.seed)}.'
             )
 
     def _check_origin(self) -> None:

@@ -49,8 +49,9 @@ def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
         ValueError: if it is something else, or too small.
     """
     number = None
-    if not isinstance(value, (bool, np.bool_)) and getattr(value, 'dtype', None) != np.bool_:
-        with contextlib.suppress(AttributeError, TypeError):
+    is_other = _is_boolean(value) or getattr(value, 'dtype', None) == np.bool_
+    if not is_other and not np.ma.is_masked(value):
+        with contextlib.suppress(Exception):  # Of what has no index, or hides it.
             number = value.__index__()
     if number is None or number < least:
         kind = {0: 'non-negative', 1: 'positive'}[least]

@@ -161,7 +161,10 @@ def damaged_stores(tally: Tally, seed: int, count: int) -> None:
         with tempfile.TemporaryDirectory() as temporary:
             folder = pathlib.Path(temporary, 'run')
             shutil.copytree(unfinished.name, folder)
-            found = sorted(p for p in folder.rglob('*') if p.is_file() and p.name != store.LOCK)
+            found = sorted(
+                path for path in (folder / store.NAME).rglob('*')
+                if path.is_file() and path.name != store.LOCK
+            )  # fmt: skip
             for path in generator.sample(found, generator.choice((1, 1, 2))):
                 _damage(path, generator)
             was_refused = False

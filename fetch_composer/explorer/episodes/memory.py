@@ -16,10 +16,10 @@ _CGROUP_LIMITS = (
 
 
 def most_episodes(steps: int) -> int:
-    """Returns how many episodes of so many control steps fit into memory, 1 or more."""
+    """Returns how many episodes of so many control steps fit into memory."""
     observed = layout.WITH_OBJECT.size + 3 + 3
     numbers = (steps + 1) * observed + steps * (4 + 1)
-    return max(1, int(_SHARE * _memory() / (8 * numbers * _COPIES + _BYTES_ASIDE)))
+    return int(_SHARE * _memory()) // (8 * numbers * _COPIES + _BYTES_ASIDE)
 
 
 def _memory() -> int:
