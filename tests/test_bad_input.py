@@ -113,7 +113,7 @@ def test_unknown_names_are_answered_with_the_valid_ones():
         np.ma.masked,
         np.ma.array(1, mask=True),
         [1, [2]],
-        -(10**5000),
+        [-(10**5000)],
     ],
 )
 def test_seeds_that_make_no_sense_are_refused(seed):
