@@ -62,6 +62,7 @@ def test_actions_outside_the_range_are_clipped(env):
         ({'goal': (1.3, True, 0.42)}, 'must be numbers'),
         ({'goal': np.ma.array([1.3, 0.75, 0.42], mask=[0, 1, 0])}, 'masked values'),
         ({'convention': [1]}, 'valid are documented, gymnasium_robotics'),
+        ({'terminate_on_success': 10**5000}, 'must be True or False; got a int'),
         ({'variations': 1.0}, 'variations must be a mapping'),
         ({'variations': {5: 1}}, 'Unknown variation 5; valid are object_size'),
     ],

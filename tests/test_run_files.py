@@ -202,3 +202,11 @@ def test_a_network_whose_weights_have_changed_does_not_go_on(tmp_path):
     (tmp_path / 'weights.bin').write_bytes(weights)
     with pytest.raises(ValueError, match='unfinished run that differs in policies'):
         _run(tmp_path, policy=[str(path)], episodes=2)
+
+
+@pytest.mark.parametrize(
+    'name', ['width', 'height', 'fps', 'episodes', 'seed', 'max_episode_steps']
+)
+def test_numbers_of_too_many_digits_are_refused_by_name(name):
+    with pytest.raises(ValueError, match=f'{name} .* a int'):
+        runs.options(**{name: 10**5000}).check()

@@ -32,7 +32,7 @@ def boolean(name: str, value: Any) -> bool:
         ValueError: if it is something else.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise ValueError(f'{name} must be True or False; got {value!r}.')
+        raise ValueError(f'{name} must be True or False; got {shown(value)}.')
     return bool(value)
 
 

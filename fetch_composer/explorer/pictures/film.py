@@ -66,11 +66,14 @@ def check_format(width: int, height: int, fps: int) -> None:
         value = checks.integer(name, value, 0)
         if not least <= value <= most or value % 2:
             raise ValueError(
-                f'{name} must be an even number of pixels from {least} to {most}, got {value}.'
+                f'{name} must be an even number of pixels from {least} to {most}, '
+                f'got {checks.shown(value)}.'
             )
     fps = checks.integer('fps', fps, 0)
     if not _FPS[0] <= fps <= _FPS[1]:
-        raise ValueError(f'fps must be from {_FPS[0]} to {_FPS[1]} frames per second, got {fps}.')
+        raise ValueError(
+            f'fps must be from {_FPS[0]} to {_FPS[1]} frames per second, got {checks.shown(fps)}.'
+        )
 
 
 @contextlib.contextmanager
