@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves results test test-only test-clients check format docs gallery build bench parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients check format docs gallery build bench soak parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -75,6 +75,10 @@ build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in 
 
 bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPool; about ten minutes.
 	$(BIN)/python -m benchmarks $(PEERS) --write docs/speed.md README.md $(BENCH_OPTIONS)
+
+SOAK_OPTIONS ?=
+soak: $(VENV)/.test  ## Try hostile input for an hour, for docs/reliability.md.
+	$(BIN)/python -m tests.hostile --write docs/reliability.md $(SOAK_OPTIONS)
 
 parity: $(VENV)/.test .venv-gymnasium_robotics_current/.ready  ## Compare trajectories with Gymnasium-Robotics, live.
 	$(BIN)/python -m benchmarks.parity --peer .venv-gymnasium_robotics_current/bin/python --write docs/conventions.md

@@ -7,7 +7,7 @@ import setuptools
 _HERE = pathlib.Path(__file__).parent
 
 GYMNASIUM = ['gymnasium>=1.1']
-ONNX = ['onnxruntime>=1.17']
+ONNX = ['onnx>=1.16', 'onnxruntime>=1.17']
 EXPLORE = [
     'imageio[ffmpeg]>=2.31',
     'jinja2>=3.1',
@@ -36,9 +36,9 @@ MINARI = [
     'pillow>=10',
     *GYMNASIUM,
 ]
-LEARN = ['jax>=0.4.30', 'optax>=0.2.2', 'onnx>=1.16', *EXPLORE]
+LEARN = ['jax>=0.4.30', 'optax>=0.2.2', *EXPLORE]
 DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN]
-TEST = ['onnx>=1.16', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
     name='fetch_composer',

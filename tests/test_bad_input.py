@@ -5,7 +5,7 @@ import pytest
 from dm_control import suite as dm_suite
 
 import fetch_composer
-from fetch_composer import suite
+from fetch_composer import suite, tasks
 from tests import episodes
 
 
@@ -19,6 +19,10 @@ from tests import episodes
         (0.5, r'shape \(4,\) is needed'),
         (None, r'shape \(4,\) is needed'),
         (['a', 'b', 'c', 'd'], 'floats'),
+        (np.ma.array(np.ones(4), mask=[1, 0, 0, 0]), 'masked values'),
+        ([True, 0, 0, 0], 'must be numbers'),
+        ([[0], 0, 0, 0], 'is no array'),
+        ([10**400, 0, 0, 0], 'floats'),
     ],
 )
 def test_a_bad_action_leaves_the_simulation_untouched(env, action, message):
@@ -51,6 +55,16 @@ def test_actions_outside_the_range_are_clipped(env):
         ({'goal': (1.3, 0.75)}, '3 finite numbers'),
         ({'goal': (1.3, np.nan, 0.42)}, '3 finite numbers'),
         ({'goal': 'here'}, '3 finite numbers'),
+        ({'goal': ('1.3', '0.75', '0.42')}, '3 finite numbers'),
+        ({'goal': np.array([1.3, 0.75, 0.42j])}, '3 finite numbers'),
+        ({'goal': (10**400, 0, 0)}, '3 finite numbers'),
+        ({'goal': (10**5000, 0, 0)}, '3 finite numbers'),
+        ({'goal': (1.3, True, 0.42)}, 'must be numbers'),
+        ({'goal': np.ma.array([1.3, 0.75, 0.42], mask=[0, 1, 0])}, 'masked values'),
+        ({'convention': [1]}, 'valid are documented, gymnasium_robotics'),
+        ({'terminate_on_success': 10**5000}, 'must be True or False; got a int'),
+        ({'variations': 1.0}, 'variations must be a mapping'),
+        ({'variations': {5: 1}}, 'Unknown variation 5; valid are object_size'),
     ],
 )
 def test_options_that_make_no_sense_are_refused(task_name, options, message):
@@ -88,7 +102,21 @@ def test_unknown_names_are_answered_with_the_valid_ones():
         suite.load('fetch', 'throw')
 
 
-@pytest.mark.parametrize('seed', [-1, 1.5, 'a', True, np.array([1, 2]), np.float64(1)])
+@pytest.mark.parametrize(
+    'seed',
+    [
+        -1,
+        1.5,
+        'a',
+        True,
+        np.array([1, 2]),
+        np.float64(1),
+        np.ma.masked,
+        np.ma.array(1, mask=True),
+        [1, [2]],
+        [-(10**5000)],
+    ],
+)
 def test_seeds_that_make_no_sense_are_refused(seed):
     with pytest.raises(ValueError, match='seed must be a non-negative integer'):
         fetch_composer.load('push', seed=seed)
@@ -112,3 +140,47 @@ def test_an_object_cannot_start_within_a_gripper_that_starts_low():
         env.task.set_next_episode(object_position=(1.36, 0.76))
     # The documented gripper hovers above.
     fetch_composer.load('push', seed=0, object_position=(1.34, 0.75)).reset()
+
+
+@pytest.mark.parametrize('value', [True, 'a', [True], np.ma.array([1.0], mask=True)])
+def test_a_variation_that_draws_no_number_is_named(value):
+    env = fetch_composer.load('push', seed=0, variations={'friction': value})
+    with pytest.raises(ValueError, match="'friction'"):
+        env.reset()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ({'goal': np.ma.array(np.full((2, 3), 0.6), mask=True)}, 'goal has masked values'),
+        ({'goal': [np.ma.array([1.3, 0.7, 0.5], mask=True)] * 2}, 'goal has masked values'),
+        ({'object_position': [[1.3, True]] * 2}, 'object_position must be numbers'),
+        ({'ids': np.ma.array([0, 1], mask=[1, 0])}, 'ids has masked values'),
+        ({'seed': np.ma.array([0, 1], mask=[1, 0])}, 'seed must be a non-negative integer'),
+    ],
+)
+def test_a_batch_refuses_what_would_be_taken_for_something_else(arguments, message):
+    with fetch_composer.BatchEnvironment('push', 2, seed=0) as batch:
+        before = batch.reset().observation
+        with pytest.raises(ValueError, match=message):
+            batch.reset(**arguments)
+        after = batch.reset(ids=[]).observation
+    for name, value in before.items():
+        np.testing.assert_array_equal(value, after[name])
+
+
+@pytest.mark.parametrize(
+    ('goal', 'message'),
+    [
+        (np.ma.array([1.0, 2.0, 3.0], mask=[0, 0, 1]), 'achieved_goal has masked values'),
+        ([True, False, True], 'achieved_goal must be numbers'),
+        (np.zeros(3, bool), 'achieved_goal must be numbers'),
+        (np.zeros(3, complex), 'achieved_goal must be numbers'),
+        ([10**400, 0, 0], 'achieved_goal must be numbers'),
+        (['a', 'b', 'c'], 'achieved_goal must be numbers'),
+        (np.zeros((2, 3)), r'of one shape, got \(2, 3\) and \(5, 3\)'),
+    ],
+)
+def test_a_reward_is_of_numbers_alone(goal, message):
+    with pytest.raises(ValueError, match=message):
+        tasks.compute_reward(goal, np.zeros((5, 3)))

@@ -21,6 +21,7 @@ def env():
 
 
 _CODE = """
+import sys
 import numpy as np
 
 def still(observation):
@@ -61,6 +62,36 @@ class Reusing:
     def __call__(self, observation):
         self.buffer[:3] = observation['desired_goal'] - observation['observation'][:3]
         return self.buffer
+
+def masked(observation):
+    return np.ma.array(np.ones(4), mask=[1, 0, 0, 0])
+
+def ends(observation):
+    sys.exit(0)
+
+class EndsAtStart:
+    def __init__(self, seed):
+        if seed == 9:
+            sys.exit(0)
+    def __call__(self, observation):
+        return np.zeros(4)
+
+class ForgetsBadly:
+    def __init__(self, seed):
+        self.seed = seed
+    def reset(self):
+        assert self.seed != 9, 'no memory of it'
+    def __call__(self, observation):
+        return np.zeros(4)
+
+def _is_later(observation):
+    return np.abs(observation['observation'][:3] - (1.3419, 0.7491, 0.535)).max() > 0.01
+
+def shrinks(observation):
+    return np.ones(3 if _is_later(observation) else 4)
+
+def falls_silent(observation):
+    return None if _is_later(observation) else np.ones(4)
 
 a_number = 3
 """
@@ -129,8 +160,14 @@ def test_a_maker_makes_a_policy_for_each_episode(code, maker):
     [
         ('short', RuntimeError, r'before the first step: .*shape \(3,\); \(4,\) is needed'),
         ('words', RuntimeError, 'before the first step: .*floats are needed'),
-        ('broken', RuntimeError, r'before the first step: ZeroDivisionError.*own_.*\.py, line 30'),
+        ('masked', RuntimeError, 'before the first step: .*masked values'),
+        ('broken', RuntimeError, r'before the first step: ZeroDivisionError.*own_.*\.py, line 31'),
         ('late', RuntimeError, r'step [12]: .*The action is not finite for seed 9'),
+        ('ends', RuntimeError, r'before the first step: SystemExit: 0 \(own_.*\.py, line'),
+        ('EndsAtStart', RuntimeError, 'at the start of an episode: SystemExit: 0'),
+        ('ForgetsBadly', RuntimeError, 'at the start of an episode: .*no memory of it'),
+        ('shrinks', RuntimeError, r'step [12]: .*shape \((1, )?3,?\); \((1, )?4,?\) is needed'),
+        ('falls_silent', RuntimeError, 'step [12]: .*an action of object; floats are needed'),
         ('missing', ValueError, "there is no 'missing' in .*it has .*still"),
         ('a_number', ValueError, 'cannot be called: it is a int'),
     ],
@@ -155,3 +192,22 @@ def test_a_digest_tells_whether_a_policy_has_changed(code, tmp_path, env):
     assert before != policies.digest(f'{code}:still')
     (tmp_path / 'a.zip').write_text('a')
     assert policies.digest('a.zip') != before
+
+
+def test_a_module_that_ends_python_is_named(code, tmp_path, env):
+    (tmp_path / f'{code}_ends.py').write_text('import sys\nsys.exit(0)\n')
+    with pytest.raises(ValueError, match=rf"The module '{code}_ends' calls sys\.exit\(0\)"):
+        policies.load(f'{code}_ends:act', env)
+
+
+@pytest.mark.parametrize('seeds', [np.arange(3), range(3), (0, 1, 2)])
+def test_seeds_come_in_any_sequence(seeds):
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
+    assert [each.seed for each in batch_rollout.run_episodes(options, seeds)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize('seeds', [5, 'abc', None, 1.5])
+def test_what_is_no_sequence_of_seeds_is_named(seeds):
+    options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
+    with pytest.raises(ValueError, match='seeds must be a sequence; got'):
+        batch_rollout.run_episodes(options, seeds)

@@ -145,8 +145,9 @@ def _observation_rows() -> list[list[str]]:
         (_README, report.SPEED_SUMMARY),
         (_DOCS / 'conventions.md', 'parity table: made by make parity'),
         (_DOCS / 'results.md', make_results.TABLE),
+        (_DOCS / 'reliability.md', 'soak table: made by make soak'),
     ),
-    ids=('speed', 'summary', 'parity', 'results'),
+    ids=('speed', 'summary', 'parity', 'results', 'soak'),
 )
 def test_tables_of_figures_have_their_places(page, name):
     assert markdown.has_markers(page, name)

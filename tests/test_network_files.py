@@ -279,6 +279,49 @@ def test_a_zip_that_does_not_fit_is_named(tmp_path, monkeypatch, env):
         policies.load(path, env, trust_pickle=True)
 
 
+def _encrypted(content):
+    for signature, offset in ((b'PK\3\4', 6), (b'PK\1\2', 8)):
+        content[content.index(signature) + offset] |= 1
+
+
+def _damaged(content):
+    content[content.index(b'data') + 10] ^= 0xFF
+
+
+def _of_another_compression(content):
+    for signature, offset in ((b'PK\3\4', 8), (b'PK\1\2', 10)):
+        content[content.index(signature) + offset] = 97
+
+
+@pytest.mark.parametrize('change', [_encrypted, _damaged, _of_another_compression])
+def test_a_zip_that_cannot_be_read_is_named(tmp_path, env, change):
+    path = tmp_path / 'model.zip'
+    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as file:
+        file.writestr('data', json.dumps({'policy_class': {'__module__': 'a'}, 'more': 99 * 'b'}))
+    content = bytearray(path.read_bytes())
+    change(content)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r'model\.zip is no model of Stable-Baselines3'):
+        policies.load(str(path), env)
+
+
+@pytest.mark.parametrize('member', ['data', 'policy.pth'])
+def test_a_zip_is_measured_before_it_is_inflated(tmp_path, env, monkeypatch, member):
+    path = tmp_path / 'model.zip'
+    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as file:
+        file.writestr(member, b'{}')
+        if member != 'data':
+            file.writestr('data', b'{}')
+    content = bytearray(path.read_bytes())
+    # What the directory says that it holds: 4 GiB less 2 bytes.
+    start = content.index(b'PK\1\2')
+    content[start + 24 : start + 28] = (2**32 - 2).to_bytes(4, 'little')
+    path.write_bytes(content)
+    monkeypatch.setattr(zipfile.ZipFile, 'read', lambda *_: pytest.fail('It was inflated.'))
+    with pytest.raises(ValueError, match=r'model\.zip would inflate to 4,096 MiB'):
+        policies.load(str(path), env, trust_pickle=True)
+
+
 def test_a_real_model_is_loaded(tmp_path, env, observation):
     sb3 = pytest.importorskip('stable_baselines3', reason='Stable-Baselines3 is not installed')
     import gymnasium

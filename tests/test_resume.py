@@ -1,6 +1,7 @@
 """A run that is killed is continued by the same command."""
 
 import dataclasses
+import itertools
 import os
 import pathlib
 import signal
@@ -171,14 +172,36 @@ def test_two_runs_do_not_share_a_folder(tmp_path):
     _run(_options(tmp_path))
 
 
-def test_an_unreadable_file_of_the_store_is_run_again(tmp_path):
+def _emptied(path):
+    path.write_bytes(b'')
+
+
+def _cut_off(path):
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def _of_something_else(path):
+    with path.open('wb') as file:
+        np.savez(file, steps=np.arange(3))
+
+
+def _a_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+_DAMAGES = (_emptied, _cut_off, _of_something_else, _a_folder, lambda p: p.write_text('nonsense'))
+
+
+@pytest.mark.parametrize('damage', _DAMAGES)
+def test_an_unreadable_file_of_the_store_is_run_again(tmp_path, damage):
     options = _options(tmp_path)
     _run_stopped(options, after=4)
-    (path, other) = sorted(tmp_path.glob(f'{store.NAME}/*/episodes*.npz'))
-    path.write_bytes(path.read_bytes()[:100])
-    other.write_text('nonsense')
+    for path in tmp_path.glob(f'{store.NAME}/*/episodes*.npz'):
+        damage(path)
     run = _run(options)
     assert run.continued == 0 and run.finished == 7
+    assert _arrays(tmp_path)['seed'].tolist() == list(options.seeds)
 
 
 def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypatch):
@@ -223,6 +246,14 @@ def test_a_film_that_is_there_is_not_taken_again(tmp_path):
     assert film.kept(folder, episode) is None
     taken = film.take(folder, episode, env, camera, 25, lambda step: None)
     kept = film.kept(folder, episode)
+    for path, damage in itertools.product(sorted(folder.iterdir()), _DAMAGES):
+        content = path.read_bytes()
+        damage(path)
+        assert film.kept(folder, episode) is None
+        if path.is_dir():
+            film.take(folder, episode, env, Camera(), 25, lambda step: None)
+            assert film.kept(folder, episode) is not None
+        path.write_bytes(content)
     assert kept.path == taken.path and taken.path.stat().st_size > 0
     assert len(kept.thumbnails) == len(taken.thumbnails) == 5
     assert len(kept.physics) == len(kept.gripper_pose) == 5

@@ -1,28 +1,52 @@
 """Files that are written whole or not at all."""
 
 import contextlib
+import hashlib
 import json
 import os
 import pathlib
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+
+_PART = '.fetch_composer_part_'  # And a random name: a folder that only its maker can write to.
 
 
 @contextlib.contextmanager
 def whole_file(path: pathlib.Path) -> Iterator[pathlib.Path]:
     """Gives a path to write to, which takes the place of `path` once all is written.
 
-    If writing fails or is interrupted, `path` stays what it was.
+    If writing fails or is interrupted, `path` stays what it was. Nothing that others may have put
+    into the folder, such as a link, is written through.
     """
-    partial = path.with_name(f'.{path.stem}.{os.getpid()}.part{path.suffix}')
-    try:
+    with tempfile.TemporaryDirectory(
+        prefix=_PART, dir=path.parent, ignore_cleanup_errors=True
+    ) as folder:
+        partial = pathlib.Path(folder, path.name)
         yield partial
         os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+
+
+def clear_parts(folder: pathlib.Path, recursive: bool = False) -> None:
+    """Removes what a process that was killed while it wrote has left in a folder.
+
+    No other process may write into it.
+
+    Args:
+        folder: The folder, which need not be there.
+        recursive: Whether to look into the folders in it as well.
+    """
+    for path in folder.rglob(f'{_PART}*') if recursive else folder.glob(f'{_PART}*'):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def remove_folder(path: pathlib.Path) -> None:
+    """Removes what lies, as a folder, where a file of this program's own belongs."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
 
 
 def prepare_folder(folder: pathlib.Path) -> None:
@@ -32,11 +56,7 @@ def prepare_folder(folder: pathlib.Path) -> None:
         OSError: if they cannot.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    probe = folder / f'.{os.getpid()}.part'
-    try:
-        probe.touch()
-    finally:
-        probe.unlink(missing_ok=True)
+    tempfile.TemporaryDirectory(prefix=_PART, dir=folder).cleanup()
 
 
 def save_arrays(
@@ -46,6 +66,28 @@ def save_arrays(
     save = np.savez_compressed if compressed else np.savez
     with whole_file(path) as partial:
         save(partial, allow_pickle=False, **arrays)
+
+
+class UnreadableError(ValueError):
+    """A file of arrays is not there, or is not what was written."""
+
+
+def load_arrays(path: pathlib.Path) -> dict[str, np.ndarray]:
+    """Returns what `save_arrays` has written, for whose sums zip files vouch.
+
+    Raises:
+        UnreadableError: if it cannot be read, whatever has happened to it.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return dict(file)
+    except Exception as error:  # Of zipfile, zlib, struct, numpy, and of the system.
+        raise UnreadableError(f'{path}: {type(error).__name__}: {error}') from error
+
+
+def digest(path: pathlib.Path) -> str:
+    """Returns a digest of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def copy(source: pathlib.Path, path: pathlib.Path) -> None:

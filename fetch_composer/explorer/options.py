@@ -6,7 +6,7 @@ import pathlib
 import re
 from collections.abc import Sequence
 
-from fetch_composer.explorer.episodes import batch_rollout, origin
+from fetch_composer.explorer.episodes import batch_rollout, memory, origin
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions, checks
@@ -17,6 +17,7 @@ NOT_EXPLORED = ('observation_mode', 'pixels', 'variations')
 
 _UNFIT_FOR_A_NAME = re.compile(r'[^A-Za-z0-9._-]+')
 _LONGEST_NAME = 40
+_SEEDS = 2**64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Options:
         for name in ('episodes', 'num_envs', 'num_films', 'supersampling'):
             checks.integer(name, getattr(self, name), 1)
         checks.integer('seed', self.seed, 0)
+        self._check_size()
         self._check_origin()
         if not self.policy:
             raise ValueError('policy must name at least one.')
@@ -111,6 +113,26 @@ class Options:
             if len(self.policy) > 1:
                 raise ValueError('dataset is of one policy; give a single --policy.')
             minari_dataset.check_name(self.dataset)
+
+    def _check_size(self) -> None:
+        steps = self.task_options.max_episode_steps or 1
+        fitting = memory.most_episodes(steps) // max(1, len(self.policy))
+        if not fitting:
+            raise ValueError(
+                f'max_episode_steps is {checks.shown(steps)}, of which no episode fits into the '
+                'memory of this machine.'
+            )
+        if self.episodes > fitting:
+            raise ValueError(
+                f'episodes must be at most {fitting} of {steps} steps (max_episode_steps), which '
+                f'fit into the memory of this machine; got {checks.shown(self.episodes)}. Run more '
+                'in several folders, each from a seed of its own.'
+            )
+        if self.seed + self.episodes > _SEEDS:
+            raise ValueError(
+                f'seed must be at most {_SEEDS - self.episodes} for {self.episodes} episodes, '
+                f'whose seeds files hold in 64 bits; got {checks.shown(self.seed)}.'
+            )
 
     def _check_origin(self) -> None:
         checks.integer('step', self.step, 0)

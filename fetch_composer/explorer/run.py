@@ -10,7 +10,7 @@ from typing import Any
 
 from fetch_composer import policies, suite, user_modules
 from fetch_composer.explorer import files, flags, progress, signals
-from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes import batch_rollout, origins, replay
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import drawing, film
 from fetch_composer.explorer.report import page, replay_page
@@ -67,8 +67,11 @@ class Run:
             for number, each in enumerate(of_episodes, start=1)
         ]
         camera.check_name(self._env.physics, options.camera)
+        identity = self._identity()
         files.prepare_folder(options.folder)
-        self._store = store.Store(options.folder, self._identity(), fresh)
+        self._store = store.Store(options.folder, identity, fresh)
+        for folder in {options.folder, *(options.folder / c.path('') for c in self.candidates)}:
+            files.clear_parts(folder)
         self.stopped_by: signal.Signals | None = None
         self.continued = 0
         self.remarks: list[str] = []  # Of what could not be done, each in a line.
@@ -101,10 +104,11 @@ class Run:
 
         Raises:
             PolicyError: if a policy fails.
-            ReplayError: if a film does not show what happened.
-            DrawingError: if films cannot be taken.
+            ReplayError: if a film does not show what happened; all else has been written.
+            DrawingError: if films cannot be taken; all else has been written.
         """
         started = time.perf_counter()
+        failure: Exception | None = None
         with signals.noted() as noted:
 
             def on_progress() -> None:
@@ -116,12 +120,17 @@ class Run:
                 bar = stack.enter_context(progress.Progress())
                 self._run_episodes(bar, on_progress)
                 if drawer is not None:
-                    self._take_films(drawer, bar, on_progress)
+                    try:
+                        self._take_films(drawer, bar, on_progress)
+                    except (drawing.DrawingError, replay.ReplayError) as error:
+                        failure = error
             # A signal that comes later finds nothing left to be stopped.
             self.stopped_by = noted[0] if noted and not self._is_complete else None
             if not self.finished:
                 return []
             written = self._write(time.perf_counter() - started)
+            if failure is not None:
+                raise failure
             if self._is_complete:
                 written.extend(self._write_dataset())
                 self._store.discard()
@@ -235,16 +244,24 @@ class Run:
         candidates = [each for each in self.candidates if each.episodes]
         comparisons = compare.compare_all(self.candidates)
         setting = Setting.of(self._env)
-        replay = self._replay_page(candidates)
-        report = page.render(
-            self.options,
-            candidates,
-            comparisons,
-            setting,
-            origins.versions(),
-            stopped=self.stopped_by is not None,
-            has_replay=replay is not None,
-        )
+        made: list[str] = []
+
+        def make_replay() -> str | None:
+            text = self._replay_page(candidates)
+            made.extend([writing.REPLAY] if text is not None else [])
+            return text
+
+        def make_report() -> str:
+            return page.render(
+                self.options,
+                candidates,
+                comparisons,
+                setting,
+                origins.versions(),
+                stopped=self.stopped_by is not None,
+                has_replay=bool(made),
+            )
+
         figures = {
             'flags': flags.flag_values(self.options),
             'episodes_finished': self.finished,
@@ -257,8 +274,8 @@ class Run:
         }
         if self._has_standard:
             figures['standard'] = [standard.cells(each) for each in self._evaluations()]
-        pages = {writing.REPORT: report, writing.REPLAY: replay}
-        return writing.write(self.options.folder, candidates, setting, pages, figures)
+        pages = {writing.REPLAY: make_replay, writing.REPORT: make_report}
+        return writing.write(self.options.folder, candidates, setting, pages, figures, self.remarks)
 
     def _replay_page(self, candidates: list[Candidate]) -> str | None:
         takes = replay_page.takes_of(candidates)
@@ -281,6 +298,7 @@ class Run:
             self.options.dataset,
             self.options.of_episodes(candidate.policy),
             candidate.episodes,
+            self.options.folder,
         )
         return [
             writing.Written(

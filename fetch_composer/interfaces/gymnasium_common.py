@@ -15,7 +15,7 @@ except ImportError as error:
     ) from error
 
 from fetch_composer import tasks
-from fetch_composer.tasks import checks
+from fetch_composer.tasks import camera, checks
 
 RENDER_FPS = 25  # Control steps in a second: pictures of an episode play in real time.
 
@@ -45,11 +45,13 @@ def picture_options(width: int, height: int, supersampling: int) -> dict[str, in
     Raises:
         ValueError: if a number is not valid.
     """
-    return {
+    checked = {
         'height': checks.integer('height', height, 1),
         'width': checks.integer('width', width, 1),
         'supersampling': checks.integer('supersampling', supersampling, 1),
     }
+    camera.check_size(**checked)
+    return checked
 
 
 def check_options(options: dict[str, Any] | None, others: Sequence[str] = ()) -> dict[str, Any]:
@@ -57,19 +59,18 @@ def check_options(options: dict[str, Any] | None, others: Sequence[str] = ()) ->
 
     Args:
         options: What was given.
-        others: Names of further options that are valid and not among these.
+        others: Names of further options that are valid.
 
     Raises:
         ValueError: if one is unknown; the message lists the valid ones.
     """
     if options is not None and not isinstance(options, Mapping):
-        raise ValueError(f'options must be a dictionary; got {options!r}.')
-    options = dict(options or {})
-    unknown = sorted(set(options) - set(_RESET_OPTIONS))
+        raise ValueError(f'options must be a dictionary; got {checks.shown(options)}.')
+    options, valid = dict(options or {}), (*_RESET_OPTIONS, *others)
+    unknown = [each for each in options if each not in valid]
     if unknown:
         raise ValueError(
-            f'Unknown option {", ".join(map(repr, unknown))}; valid are '
-            f'{", ".join((*_RESET_OPTIONS, *others))}.'
+            f'Unknown option {", ".join(map(checks.shown, unknown))}; valid are {", ".join(valid)}.'
         )
     return options
 

@@ -103,9 +103,8 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         Raises:
             ValueError: if an option is unknown or a place cannot be; nothing has changed.
         """
-        options = dict(options or {})
-        mask = options.pop('reset_mask', None)
         options = gymnasium_common.check_options(options, ('reset_mask',))
+        mask = options.pop('reset_mask', None)
         time_step = self._batch.reset(mask, seed=seed, **options)
         if seed is not None and np.ndim(seed) == 0:
             super().reset(seed=int(seed))

@@ -15,6 +15,7 @@ from fetch_composer.policies.protocol import (
     Policy,
     PolicyContext,
     check_action,
+    check_shape,
 )
 from fetch_composer.policies.uniform import UniformPolicy
 from fetch_composer.policies.zero import ZeroPolicy
@@ -27,6 +28,7 @@ __all__ = (
     'PolicyContext',
     'PolicyFactory',
     'check_action',
+    'check_shape',
     'digest',
     'factory',
     'given',
@@ -106,12 +108,17 @@ def factory(name: str, context: PolicyContext, trust_pickle: bool = False) -> Po
 
 
 def digest(name: str) -> str | None:
-    """Returns a digest of the file that a policy comes from; None for one of `ALL`.
+    """Returns a digest of the files that a policy comes from; None for one of `ALL`.
 
-    Of code, which has to be loaded first, it is that of the function's module alone.
+    Code has to be loaded first; for what counts then, see `user_modules.digest`.
+
+    Raises:
+        ValueError: if it cannot be told which files they are.
     """
     if name in ALL:
         return None
-    if name.endswith(('.onnx', '.zip')):
+    if name.endswith('.onnx'):
+        return onnx_policy.digest(name)
+    if name.endswith('.zip'):
         return hashlib.sha256(pathlib.Path(name).read_bytes()).hexdigest()
     return code_policy.digest(name)

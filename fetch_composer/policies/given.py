@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fetch_composer.policies.files import code_policy, sb3_policy
-from fetch_composer.policies.protocol import Policy, PolicyContext
+from fetch_composer.policies.protocol import Policy, PolicyContext, as_action
 
 
 class VectorizedPolicy:
@@ -33,7 +33,7 @@ class VectorizedPolicy:
 
     def act_on_batch(self, observations: Mapping[str, np.ndarray]) -> np.ndarray:
         """Returns actions, (n, 4)."""
-        return np.asarray(self._act_on_batch(observations))
+        return as_action(self._act_on_batch(observations))
 
 
 def factory(

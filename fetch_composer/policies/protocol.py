@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from dm_env import specs
+
+from fetch_composer.tasks import checks
 
 
 class ActionError(ValueError):
@@ -60,6 +62,28 @@ class PolicyContext:
         )
 
 
+def as_action(value: Any) -> np.ndarray:
+    """Returns what a policy has given as an array.
+
+    Raises:
+        ActionError: if values in it are masked, or it has no shape.
+    """
+    try:
+        return checks.array('The action of the policy', value)
+    except ValueError as error:
+        raise ActionError(str(error)) from None
+
+
+def check_shape(action: np.ndarray, needed: tuple[int, ...]) -> None:
+    """Raises `ActionError`, which says what is needed, if an action has another shape or kind."""
+    if action.shape != needed:
+        raise ActionError(
+            f'The policy gives an action of shape {action.shape}; {needed} is needed.'
+        )
+    if not checks.is_numeric(action):
+        raise ActionError(f'The policy gives an action of {action.dtype}; floats are needed.')
+
+
 def check_action(
     policy: Policy, observation: Mapping[str, np.ndarray], context: PolicyContext
 ) -> None:
@@ -74,11 +98,5 @@ def check_action(
         ActionError: if the action does not fit; the message says why.
     """
     policy.reset()
-    action = np.asarray(policy({name: value.copy() for name, value in observation.items()}))
-    needed = context.action_spec.shape
-    if action.shape != needed:
-        raise ActionError(
-            f'The policy gives an action of shape {action.shape}; {needed} is needed.'
-        )
-    if action.dtype.kind not in 'fiu':
-        raise ActionError(f'The policy gives an action of {action.dtype}; floats are needed.')
+    action = as_action(policy({name: value.copy() for name, value in observation.items()}))
+    check_shape(action, context.action_spec.shape)

@@ -8,6 +8,17 @@ from dm_control.mujoco import engine
 from fetch_composer.tasks import checks
 
 _RGB = 3
+_LARGEST = 16384  # Pixels along a side, of which OpenGL draws no more.
+
+
+def check_size(height: int, width: int, supersampling: int) -> None:
+    """Raises `ValueError`, which says how large one may be, if no picture can be so large."""
+    largest = _LARGEST // supersampling
+    if max(height, width) > largest:
+        raise ValueError(
+            f'height and width must be at most {largest} pixels with a supersampling of '
+            f'{supersampling}; got {checks.shown(height)} and {checks.shown(width)}.'
+        )
 
 
 class Camera:

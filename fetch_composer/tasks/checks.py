@@ -1,17 +1,28 @@
 """Values that are refused with a message that says what would be valid."""
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+
+_LONGEST_SHOWN = 200
+
+
+def shown(value: Any) -> str:
+    """Returns how a message shows a value, whatever it is."""
+    try:
+        text = repr(value)
+    except Exception:  # An integer of thousands of digits has none, nor what the user has broken.
+        text = f'a {type(value).__name__}'
+    return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}...'
 
 
 def one_of(name: str, value: Any, valid: Iterable[str]) -> None:
     """Raises `ValueError`, which lists the valid names, if a value is not one of them."""
     valid = tuple(valid)
     if not isinstance(value, str) or value not in valid:
-        raise ValueError(f'Unknown {name} {value!r}; valid are {", ".join(valid)}.')
+        raise ValueError(f'Unknown {name} {shown(value)}; valid are {", ".join(valid)}.')
 
 
 def boolean(name: str, value: Any) -> bool:
@@ -21,7 +32,7 @@ def boolean(name: str, value: Any) -> bool:
         ValueError: if it is something else.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise ValueError(f'{name} must be True or False; got {value!r}.')
+        raise ValueError(f'{name} must be True or False; got {shown(value)}.')
     return bool(value)
 
 
@@ -38,22 +49,71 @@ def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
         ValueError: if it is something else, or too small.
     """
     number = None
-    if not isinstance(value, (bool, np.bool_)) and getattr(value, 'dtype', None) != np.bool_:
-        with contextlib.suppress(AttributeError, TypeError):
+    is_other = _is_boolean(value) or getattr(value, 'dtype', None) == np.bool_
+    if not is_other and not np.ma.is_masked(value):
+        with contextlib.suppress(Exception):  # Of what has no index, or hides it.
             number = value.__index__()
     if number is None or number < least:
         kind = {0: 'non-negative', 1: 'positive'}[least]
         otherwise = f', or {otherwise}' if otherwise else ''
-        raise ValueError(f'{name} must be a {kind} integer{otherwise}; got {value!r}.')
+        raise ValueError(f'{name} must be a {kind} integer{otherwise}; got {shown(value)}.')
     return number
 
 
-def _numbers(value: Any) -> np.ndarray:
-    """Returns numbers as an array; a NaN of no dimension for what is not made of numbers."""
+def array(name: str, value: Any, booleans: bool = False) -> np.ndarray:
+    """Returns a value as an array of its own type, which nothing in it is hidden from.
+
+    Args:
+        name: What it is, for the message.
+        value: The value.
+        booleans: Whether there may be Booleans in it; else those in a list would pass as numbers.
+
+    Raises:
+        ValueError: if values in it are masked, or it has no shape.
+    """
+    if type(value) is np.ndarray:
+        return value
+    if _any_in(value, np.ma.is_masked):
+        raise ValueError(f'{name} has masked values: {shown(value)}. Fill them first.')
+    if not booleans and isinstance(value, (list, tuple)) and _any_in(value, _is_boolean):
+        raise ValueError(f'{name} must be numbers; got {shown(value)}.')
     try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return np.array(np.nan)
+        return np.asarray(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f'{name} is no array: {shown(value)} ({error}).') from None
+
+
+def sequence(name: str, value: Any) -> list:
+    """Returns a list of what is in a sequence, an array or a range.
+
+    Raises:
+        ValueError: if it is none; a single text is none either.
+    """
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+        raise ValueError(f'{name} must be a sequence; got {shown(value)}.')
+    return list(value)
+
+
+def is_numeric(value: np.ndarray) -> bool:
+    """Returns whether an array is of real numbers."""
+    return value.dtype.kind in 'fiu'
+
+
+def _is_boolean(value: Any) -> bool:
+    return isinstance(value, (bool, np.bool_))
+
+
+def _any_in(value: Any, test: Callable[[Any], bool]) -> bool:
+    """Returns whether a value, or one in it if it is a list, passes a test."""
+    if isinstance(value, (list, tuple)):
+        return any(_any_in(each, test) for each in value)
+    return test(value)
+
+
+def _numbers(name: str, value: Any) -> np.ndarray:
+    """Returns numbers as an array; a NaN of no dimension for what is not made of numbers."""
+    found = array(name, value)
+    return found.astype(np.float64) if is_numeric(found) else np.array(np.nan)
 
 
 def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -62,15 +122,15 @@ def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.nda
     Raises:
         ValueError: if it is not as many finite numbers as `lower` has, between it and `upper`.
     """
-    array = _numbers(value)
-    if array.shape != lower.shape or not np.all(np.isfinite(array)):
-        raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {value!r}.')
-    if np.any(array < lower) or np.any(array > upper):
+    found = _numbers(name, value)
+    if found.shape != lower.shape or not np.all(np.isfinite(found)):
+        raise ValueError(f'{name} must be {lower.size} finite numbers in m, got {shown(value)}.')
+    if np.any(found < lower) or np.any(found > upper):
         raise ValueError(
-            f'{name} {array.tolist()} is off the table: it must lie between '
+            f'{name} {found.tolist()} is off the table: it must lie between '
             f'{lower.round(4).tolist()} and {upper.round(4).tolist()} m.'
         )
-    return array
+    return found
 
 
 def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | None]:
@@ -87,12 +147,12 @@ def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | N
     """
     if values is None:
         return [None] * count
-    array = _numbers(values)
-    if array.shape not in ((size,), (count, size)):
+    found = _numbers(name, values)
+    if found.shape not in ((size,), (count, size)):
         raise ValueError(
-            f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {values!r}.'
+            f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {shown(values)}.'
         )
-    return list(np.broadcast_to(array, (count, size)))
+    return list(np.broadcast_to(found, (count, size)))
 
 
 def ids(value: Any, count: int) -> np.ndarray:
@@ -107,15 +167,15 @@ def ids(value: Any, count: int) -> np.ndarray:
     """
     if value is None:
         return np.arange(count)
-    array = np.asarray(value)
-    if array.shape == (count,) and array.dtype == bool:
-        return np.flatnonzero(array)
-    valid = array.ndim == 1 and (array.dtype.kind in 'iu' or not array.size)
-    if valid and array.size:
-        valid = array.min() >= 0 and array.max() < count and len(np.unique(array)) == len(array)
+    found = array('ids', value, booleans=True)
+    if found.shape == (count,) and found.dtype == bool:
+        return np.flatnonzero(found)
+    valid = found.ndim == 1 and (found.dtype.kind in 'iu' or not found.size)
+    if valid and found.size:
+        valid = found.min() >= 0 and found.max() < count and len(np.unique(found)) == len(found)
     if not valid:
         raise ValueError(
             f'ids must be distinct integers from 0 to {count - 1}, or a mask of {count} '
-            f'booleans; got {value!r}.'
+            f'booleans; got {shown(value)}.'
         )
-    return array.astype(np.int64)
+    return found.astype(np.int64)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from dm_env import specs
 
-from fetch_composer.tasks import conventions
+from fetch_composer.tasks import checks, conventions
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.starts import StartState
 
@@ -39,9 +39,9 @@ def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
         batch_shape: () for one action.
 
     Raises:
-        ValueError: if it has another shape or is not finite.
+        ValueError: if it has another shape, is not finite, or has values that are masked.
     """
-    array = np.asarray(action)
+    array = action if type(action) is np.ndarray else checks.array('An action', action)
     if array.shape == _SHAPE_OF_ONE and not batch_shape and array.dtype.kind in 'fiu':
         # For four numbers, plain floats are faster than any function of arrays.
         a, b, c, d = array.tolist()
@@ -50,7 +50,7 @@ def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
     shape = (*batch_shape, ACTION_SIZE)
     if array.shape != shape:
         raise ValueError(f'An action of shape {shape} is needed, got {array.shape}.')
-    if array.dtype.kind not in 'fiu':
+    if not checks.is_numeric(array):
         raise ValueError(f'An action of floats is needed, got dtype {array.dtype}.')
     if not np.isfinite(array).all():
         if batch_shape:

@@ -47,28 +47,32 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
         ValueError: if one is unknown or makes no sense; the message says what would.
     """
     if isinstance(pixels, PixelOptions):
-        return pixels
+        pixels = dataclasses.asdict(pixels)
     if pixels is not None and not isinstance(pixels, Mapping):
-        raise ValueError(f'pixels must be a mapping of options, such as height; got {pixels!r}.')
+        raise ValueError(
+            f'pixels must be a mapping of options, such as height; got {checks.shown(pixels)}.'
+        )
     pixels = dict(pixels or {})
     valid = [field.name for field in dataclasses.fields(PixelOptions)]
-    unknown = sorted(set(pixels) - set(valid))
+    unknown = [each for each in pixels if each not in valid]
     if unknown:
         raise ValueError(
-            f'Unknown option {", ".join(map(repr, unknown))} of pixels; '
+            f'Unknown option {", ".join(map(checks.shown, unknown))} of pixels; '
             f'valid are {", ".join(valid)}.'
         )
     if isinstance(pixels.get('cameras'), str):
         pixels['cameras'] = (pixels['cameras'],)
     if 'cameras' in pixels:
-        pixels['cameras'] = tuple(pixels['cameras'])
+        pixels['cameras'] = tuple(checks.sequence('cameras of pixels', pixels['cameras']))
     for name in ('height', 'width', 'supersampling'):
         if name in pixels:
             pixels[name] = checks.integer(f'The {name} of pixels', pixels[name], 1)
     for name in ('depth', 'segmentation', 'shadows', 'goal'):
         if name in pixels:
             pixels[name] = checks.boolean(f'{name} of pixels', pixels[name])
-    return PixelOptions(**pixels)
+    made = PixelOptions(**pixels)
+    camera.check_size(made.height, made.width, made.supersampling)
+    return made
 
 
 class CameraObservable(observable.MJCFCamera):

@@ -16,15 +16,29 @@ def goal_distance(achieved_goal, desired_goal) -> np.ndarray:
     """Returns the Euclidean distance in m, float64 of shape (...,), of goals of shape (..., 3).
 
     Raises:
-        ValueError: if the goals are not of three numbers each.
+        ValueError: if the goals are not of three numbers each, or some of them are masked.
     """
-    for name, goal in (('achieved_goal', achieved_goal), ('desired_goal', desired_goal)):
-        shape = np.shape(goal)
-        if not shape or shape[-1] != 3:
-            raise ValueError(f'{name} must be of shape (..., 3), got {shape}.')
-    offset = np.subtract(achieved_goal, desired_goal, dtype=np.float64)
+    achieved, desired = (
+        _goals('achieved_goal', achieved_goal), _goals('desired_goal', desired_goal)
+    )  # fmt: skip
+    try:
+        offset = np.subtract(achieved, desired, dtype=np.float64)
+    except ValueError:
+        raise ValueError(
+            f'achieved_goal and desired_goal must be of one shape, got {achieved.shape} and '
+            f'{desired.shape}.'
+        ) from None
     x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
     return np.sqrt(x * x + y * y + z * z)  # In the order in which `distance_of_one` adds.
+
+
+def _goals(name: str, value) -> np.ndarray:
+    goals = checks.array(name, value)
+    if not checks.is_numeric(goals):
+        raise ValueError(f'{name} must be numbers, got {checks.shown(value)}.')
+    if not goals.shape or goals.shape[-1] != 3:
+        raise ValueError(f'{name} must be of shape (..., 3), got {goals.shape}.')
+    return goals
 
 
 def distance_of_one(achieved_goal: Sequence[float], desired_goal: Sequence[float]) -> float:

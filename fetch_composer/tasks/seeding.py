@@ -50,7 +50,7 @@ def seeds_of_many(seed, count: int) -> list[int | None]:
     """
     if seed is None:
         return [None] * count
-    if isinstance(seed, str) or not np.ndim(seed):
+    if not isinstance(seed, (list, tuple, range)) and not getattr(seed, 'ndim', 0):
         first = checks.integer('seed', seed, 0, 'None for entropy, or one for each environment')
         return [first + i for i in range(count)]
     seeds = [check_seed(each) for each in seed]

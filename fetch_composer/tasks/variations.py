@@ -14,6 +14,7 @@ from dm_control import mjcf
 from dm_control.composer import variation
 
 from fetch_composer.entities import arena, contact_pairs
+from fetch_composer.tasks import checks
 from fetch_composer.tasks.scene import Scene
 
 # Name: (sizes of a drawn value, what it is).
@@ -79,6 +80,11 @@ class Variations:
         Raises:
             ValueError: if a name is unknown or cannot be varied here.
         """
+        if given is not None and not isinstance(given, Mapping):
+            raise ValueError(
+                f'variations must be a mapping of names, such as friction, to what is drawn; got '
+                f'{checks.shown(given)}.'
+            )
         self._given = dict(given or {})
         self._scene = scene
         if scene.block is not None:
@@ -88,7 +94,9 @@ class Variations:
             self._size[: len(geom.size)] = geom.size
         for name in self._given:
             if name not in DESCRIPTIONS:
-                raise ValueError(f'Unknown variation {name!r}; valid are {", ".join(NAMES)}.')
+                raise ValueError(
+                    f'Unknown variation {checks.shown(name)}; valid are {", ".join(NAMES)}.'
+                )
             if name in _NEED_OBJECT and scene.block is None:
                 raise ValueError(f'{name!r} cannot vary: this task has no object.')
         if fixed_start and 'gripper_offset' in self._given:
@@ -136,12 +144,12 @@ class Variations:
         """
         drawn = {}
         for name, source in self._given.items():
-            value = np.asarray(
-                variation.evaluate(source, random_state=random_state), dtype=np.float64
-            )
+            value = checks.array(repr(name), variation.evaluate(source, random_state=random_state))
             sizes, description = DESCRIPTIONS[name]
-            if value.size not in sizes or not np.isfinite(value).all():
+            fits = checks.is_numeric(value) and value.size in sizes
+            if not fits or not np.isfinite(value).all():
                 raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
+            value = value.astype(np.float64)
             if name in _POSITIVE and (value <= 0).any():
                 raise ValueError(f'{name!r} drew {value.tolist()}, but it must be positive.')
             if name == 'object_color' and ((value < 0) | (value > 1)).any():

@@ -106,6 +106,24 @@ def test_a_dataset_that_cannot_be_written_whole_is_not_there(datasets, monkeypat
     assert list(datasets.iterdir()) == []
 
 
+def test_what_a_killed_run_has_half_written_is_removed_by_the_next(tmp_path, datasets, monkeypatch):
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        # A process that is killed does not come to remove anything.
+        patched.setattr(minari_dataset.shutil, 'rmtree', lambda *args, **kwargs: None)
+        patched.setattr(minari_dataset, '_buffer', _interrupt)
+        _run(_options(tmp_path))
+    (half,) = datasets.glob('.fetch_composer_[!p]*')
+    stranger = datasets / '.fetch_composer_of_another_run'
+    stranger.mkdir()
+    assert _run(_options(tmp_path)).continued == 7
+    assert not half.exists() and stranger.exists()
+    assert list(minari.list_local_datasets()) == ['fetch/push-random-v0']
+
+
+def _interrupt(*unused):
+    raise KeyboardInterrupt
+
+
 def test_a_dataset_that_is_there_is_refused_before_anything_is_run(tmp_path):
     options = _options(tmp_path / 'first')
     _run(options)

@@ -19,7 +19,7 @@ from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.episodes.origin import Origin
 from fetch_composer.explorer.episodes.recording import Recording
-from fetch_composer.tasks import TaskOptions
+from fetch_composer.tasks import TaskOptions, checks
 
 PolicyLoader = Callable[[policies.PolicyContext], policies.PolicyFactory]
 
@@ -91,6 +91,7 @@ def run_episodes(
         PolicyError: if the policy fails.
         PhysicsError: if the physics of an episode diverges.
     """
+    seeds = checks.sequence('seeds', seeds)
     if not seeds:
         return []
     with BatchRollout(options, min(num_envs, len(seeds)), num_threads) as batch:
@@ -162,18 +163,20 @@ class BatchRollout:
 
     def _run(self, seeds: list[int], on_progress: Callable[[int], None]) -> list[Episode]:
         count = len(seeds)
-        acting = [self._make_policy(seed) for seed in seeds]
-        for policy in acting:
-            policy.reset()
-        act = _acting_on_rows(acting)
         idle = self._batch.num_envs - count
         self._batch.seed([*seeds, *seeds[-1:] * idle])
+        with _failures_named(f'policy {self._options.policy}, at the start of an episode'):
+            acting = [self._make_policy(seed) for seed in seeds]
+            for policy in acting:
+                policy.reset()
+        act = _acting_on_rows(acting)
         record = Recording(seeds, self._batch.reset().observation)
         if self._options.origin is not None:
             self._go_back_to(self._options.origin, record, act)
         while record.running.any():
             with _failures_named(f'policy {self._options.policy}, step {record.steps}'):
                 action = act(record.observation, record.running)
+                policies.check_shape(action, (count, *self._batch.single_action_spec().shape))
                 _check_finite(action, seeds)
             action = np.concatenate([action, np.repeat(action[-1:], idle, axis=0)])
             started = time.perf_counter()
@@ -243,7 +246,7 @@ def _failures_named(where: str) -> Iterator[None]:
         yield
     except policies.ActionError as error:
         raise PolicyError(f'{where}: {error}') from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # Code of the user's that ends Python, too.
         place = traceback.extract_tb(error.__traceback__)[-1]
         raise PolicyError(
             f'{where}: {type(error).__name__}: {error} '
@@ -281,6 +284,8 @@ def _acting_on_rows(acting: Sequence[policies.Policy]) -> _Act:
             for policy, row, runs in zip(acting, _rows(observations), running, strict=True)
             if runs
         ]
+        for action in actions:
+            policies.check_shape(action, actions[0].shape)
         stacked = np.stack(actions)
         result = np.zeros((len(acting), *stacked.shape[1:]), stacked.dtype)
         result[running] = stacked

@@ -67,6 +67,11 @@ def held(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return np.stack([np.pad(each, (0, longest - len(each)), mode='edge') for each in arrays])
 
 
+def seed_array(seeds: Sequence[int]) -> np.ndarray:
+    """Returns seeds below 2**64 as integers; left to itself, numpy makes floats of large ones."""
+    return np.array(seeds, np.int64 if max(seeds, default=0) < 2**63 else np.uint64)
+
+
 def stack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
     """Returns arrays over episodes by name: those of `Episode`, (E, ...), and `steps`, (E,).
 
@@ -74,7 +79,7 @@ def stack(episodes: Sequence[Episode]) -> dict[str, np.ndarray]:
     """
     names = ('observation', 'achieved_goal', 'desired_goal', 'action', 'reward', 'distance')
     return {
-        'seed': np.array([each.seed for each in episodes]),
+        'seed': seed_array([each.seed for each in episodes]),
         'steps': np.array([each.steps for each in episodes]),
         **{name: padded([getattr(each, name) for each in episodes]) for name in names},
         'is_success': np.array([each.is_success for each in episodes]),

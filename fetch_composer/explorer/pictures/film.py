@@ -24,6 +24,7 @@ _WIDTHS = (64, 3840)
 _HEIGHTS = (64, 2160)
 _FPS = (1, 120)
 _QUALITY = 8  # Of 10.
+_DIGEST = 'digest_of_film'
 
 
 def check_choice(choice: str) -> None:
@@ -62,12 +63,17 @@ def check_format(width: int, height: int, fps: int) -> None:
         fps: Frames per second.
     """
     for name, value, (least, most) in (('width', width, _WIDTHS), ('height', height, _HEIGHTS)):
+        value = checks.integer(name, value, 0)
         if not least <= value <= most or value % 2:
             raise ValueError(
-                f'{name} must be an even number of pixels from {least} to {most}, got {value}.'
+                f'{name} must be an even number of pixels from {least} to {most}, '
+                f'got {checks.shown(value)}.'
             )
+    fps = checks.integer('fps', fps, 0)
     if not _FPS[0] <= fps <= _FPS[1]:
-        raise ValueError(f'fps must be from {_FPS[0]} to {_FPS[1]} frames per second, got {fps}.')
+        raise ValueError(
+            f'fps must be from {_FPS[0]} to {_FPS[1]} frames per second, got {checks.shown(fps)}.'
+        )
 
 
 @contextlib.contextmanager
@@ -110,14 +116,16 @@ class Film:
 
 
 def kept(folder: pathlib.Path, episode: Episode) -> Film | None:
-    """Returns the film of an episode if there is one in a folder."""
+    """Returns the film of an episode if there is one in a folder, as it was taken."""
+    path = _mp4(folder, episode)
     try:
-        with np.load(_thumbnails(folder, episode)) as file:
-            arrays = dict(file)
-    except OSError:
-        return None
-    thumbnails = [Image.fromarray(picture) for picture in arrays.pop('thumbnails')]
-    return Film(_mp4(folder, episode), thumbnails, **arrays)
+        arrays = files.load_arrays(_thumbnails(folder, episode))
+        if files.digest(path) != str(arrays.pop(_DIGEST)):
+            return None
+        thumbnails = [Image.fromarray(picture) for picture in arrays.pop('thumbnails')]
+        return Film(path, thumbnails, **arrays)
+    except (files.UnreadableError, OSError, KeyError, TypeError, ValueError):
+        return None  # It is taken again.
 
 
 def take(
@@ -146,6 +154,7 @@ def take(
     shown = contact_sheet.shown_steps(env.task.options.max_episode_steps, episode.steps)
     thumbnails, states = [], []
     path = _mp4(folder, episode)
+    files.remove_folder(path)
     with writer(path, fps) as add_picture:
 
         def add(step: int) -> None:
@@ -163,7 +172,11 @@ def take(
         for name in ('physics', 'gripper_pose')
     }
     pictures = np.stack([np.asarray(each) for each in thumbnails])
-    files.save_arrays(_thumbnails(folder, episode), {'thumbnails': pictures, **arrays})
+    digest = np.array(files.digest(path))
+    files.remove_folder(_thumbnails(folder, episode))
+    files.save_arrays(
+        _thumbnails(folder, episode), {'thumbnails': pictures, _DIGEST: digest, **arrays}
+    )
     return Film(path, thumbnails, **arrays)
 
 

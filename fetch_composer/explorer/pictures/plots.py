@@ -35,7 +35,8 @@ def save_progress(
     seconds = control_timestep * np.arange(max(map(len, returns)))
 
     canvas = figure.Figure(figsize=_SIZE, dpi=_DPI, layout='constrained')
-    canvas.suptitle(title, fontsize=13, fontweight='bold', color=style.INK)
+    # It has a name of the user's in it: dollars in that are no formulas.
+    canvas.suptitle(title, fontsize=13, fontweight='bold', color=style.INK, parse_math=False)
     distance_axes, return_axes = canvas.subplots(2, 1, sharex=True)
 
     threshold_cm = 100 * rewards.DISTANCE_THRESHOLD

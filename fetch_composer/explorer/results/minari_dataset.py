@@ -1,9 +1,10 @@
 """Episodes as a Minari dataset, with the environment that replays them."""
 
 import contextlib
+import hashlib
 import os
 import pathlib
-import tempfile
+import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 
@@ -30,6 +31,7 @@ from fetch_composer.explorer.episodes.episode import Episode
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
 _GIVEN = ('object_position', 'goal')
+_HERE = pathlib.Path()
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
 
 
@@ -65,7 +67,10 @@ def check_name(name: str) -> None:
 
 
 def save(
-    name: str, options: batch_rollout.EpisodeOptions, episodes: Sequence[Episode]
+    name: str,
+    options: batch_rollout.EpisodeOptions,
+    episodes: Sequence[Episode],
+    owner: pathlib.Path = _HERE,
 ) -> pathlib.Path:
     """Writes episodes as a dataset, whole or not at all, and returns its folder.
 
@@ -73,6 +78,8 @@ def save(
         name: Its name, for which `check_name` has passed.
         options: What the episodes were run with.
         episodes: The episodes.
+        owner: The folder of the run, which no other one writes into at the same time. What an
+            earlier one of it has left unfinished is removed.
 
     Raises:
         ValueError: as `check_name` does.
@@ -85,9 +92,8 @@ def save(
     versions = origins.versions()
     folder = get_dataset_path(name)
     with (
-        # Minari takes no notice of hidden folders, and finds its own by an environment variable.
-        tempfile.TemporaryDirectory(prefix='.', dir=get_dataset_path()) as partial,
-        _datasets_in(partial),
+        _partial_folder(owner) as partial,
+        _datasets_in(partial),  # By an environment variable, in which Minari looks for its own.
         warnings.catch_warnings(),
     ):
         # Gymnasium takes -v2 for an old -v4; Minari is not told of an author.
@@ -116,6 +122,19 @@ def save(
     if namespace is not None and namespace not in namespaces.list_local_namespaces():
         namespaces.create_namespace(namespace)
     return folder
+
+
+@contextlib.contextmanager
+def _partial_folder(owner: pathlib.Path) -> Iterator[str]:
+    """Gives a hidden folder beside the datasets, of which Minari takes no notice."""
+    name = hashlib.sha256(str(owner.resolve()).encode()).hexdigest()[:16]
+    path = get_dataset_path() / f'.fetch_composer_{name}'
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(mode=0o700)
+    try:
+        yield str(path)
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 @contextlib.contextmanager

@@ -4,12 +4,11 @@ A folder of files, each whole: what was run, the episodes finished so far, and f
 the run has finished, because then its results are in their places.
 """
 
-import contextlib
 import dataclasses
+import os
 import pathlib
 import shutil
-import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ except ModuleNotFoundError:  # On Windows nothing keeps two runs apart.
 
 NAME = '.unfinished_run'
 _IDENTITY = 'identity.json'
-_LOCK = 'lock'
+LOCK = 'lock'
 _EPISODES = 'episodes_from_seed_{seed}.npz'
 
 
@@ -47,9 +46,12 @@ class Store:
             OSError: if nothing can be written.
         """
         self._path = folder / NAME
+        if self._path.is_symlink():
+            raise ValueError(f'{self._path} is a link to elsewhere, which a run would clear.')
         self._path.mkdir(exist_ok=True)
-        self._lock = _locked(self._path / _LOCK)
+        self._lock = _locked(self._path / LOCK)
         try:
+            files.clear_parts(self._path, recursive=True)
             found = files.load_json(self._path / _IDENTITY)
             if fresh or not found or self.is_empty:
                 self._clear()
@@ -62,6 +64,7 @@ class Store:
                     'continue it with its own command, choose another --output_dir, or discard '
                     'it with --fresh.'
                 )
+            files.remove_folder(self._path / _IDENTITY)
             files.save_json(self._path / _IDENTITY, identity)
         except BaseException:
             self._lock.close()
@@ -83,6 +86,7 @@ class Store:
         """Keeps episodes of one policy, named as in `episodes`: all of them or none."""
         self.folder(policy).mkdir(exist_ok=True)
         path = self.folder(policy) / _EPISODES.format(seed=episodes[0].seed)
+        files.remove_folder(path)
         seconds = np.array([each.step_seconds for each in episodes])
         files.save_arrays(path, {**episode_lib.stack(episodes), 'step_seconds': seconds})
 
@@ -103,22 +107,26 @@ class Store:
     def discard(self) -> None:
         """Removes the store, since the run has finished."""
         # Without an identity, whatever else is left counts for nothing.
+        files.remove_folder(self._path / _IDENTITY)
         (self._path / _IDENTITY).unlink(missing_ok=True)
         shutil.rmtree(self._path, ignore_errors=True)
         self._lock.close()
 
     def _clear(self) -> None:
+        files.remove_folder(self._path / _IDENTITY)
         (self._path / _IDENTITY).unlink(missing_ok=True)
         for path in self._path.iterdir():
             if path.is_dir():
                 shutil.rmtree(path)
-            elif path.name != _LOCK:
+            elif path.name != LOCK:
                 path.unlink()
 
 
 def _locked(path: pathlib.Path):
     """Returns an open file that no other process can lock until it is closed or its owner dies."""
-    file = path.open('a')
+    # Not through a link that someone has put in its place.
+    flags = os.O_CREAT | os.O_RDWR | getattr(os, 'O_NOFOLLOW', 0)
+    file = open(os.open(path, flags, 0o666), 'a')  # noqa: SIM115
     if fcntl is not None:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -131,16 +139,20 @@ def _locked(path: pathlib.Path):
     return file
 
 
-def _load(path: pathlib.Path) -> Iterator[Episode]:
-    """Yields the episodes in a file; if it cannot be read, they are run again."""
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        with np.load(path) as file:
-            arrays = dict(file)
-        names = {field.name for field in dataclasses.fields(Episode)}
-        for index, steps in enumerate(arrays['steps']):
-            values = {name: arrays[name][index] for name in names}
-            for name in names - {'seed', 'step_seconds'}:
-                values[name] = values[name][: steps if name in ('action', 'reward') else steps + 1]
-            values['seed'] = int(values['seed'])
-            values['step_seconds'] = float(values['step_seconds'])
-            yield Episode(**values)
+def _load(path: pathlib.Path) -> list[Episode]:
+    """Returns the episodes in a file; if it cannot be read, they are run again."""
+    try:
+        return list(_episodes(files.load_arrays(path)))
+    except (IndexError, KeyError, TypeError, ValueError):  # Or arrays of something else.
+        return []
+
+
+def _episodes(arrays: Mapping[str, np.ndarray]) -> Iterator[Episode]:
+    names = {field.name for field in dataclasses.fields(Episode)}
+    for index, steps in enumerate(arrays['steps']):
+        values = {name: arrays[name][index] for name in names}
+        for name in names - {'seed', 'step_seconds'}:
+            values[name] = values[name][: steps if name in ('action', 'reward') else steps + 1]
+        values['seed'] = int(values['seed'])
+        values['step_seconds'] = float(values['step_seconds'])
+        yield Episode(**values)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fetch_composer import user_modules
-from fetch_composer.policies.protocol import PolicyContext
+from fetch_composer.policies.protocol import PolicyContext, as_action
 
 _PARAMETERS = ('context', 'seed')
 
@@ -37,7 +37,7 @@ class CodePolicy:
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """Returns what the code returns, which should be (4,) numbers, as an array."""
-        return np.asarray(self._act(observation))
+        return as_action(self._act(observation))
 
 
 def factory(name: str, context: PolicyContext) -> Callable[[int | None], CodePolicy]:
@@ -82,7 +82,7 @@ def of_code(found: Any, name: str, context: PolicyContext) -> Callable[[int | No
 
 
 def digest(name: str) -> str | None:
-    """Returns a digest of the module of code that has been loaded; None if it has no file."""
+    """Returns a digest of code that has been loaded; see `user_modules.digest`."""
     return user_modules.digest(name.partition(':')[0])
 
 

@@ -6,8 +6,9 @@ that is named `action` or `actions`, is the action: (4,), (1, 4), or (n, 4) wher
 is free.
 """
 
+import hashlib
 import pathlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,48 @@ def factory(path: str, context: PolicyContext) -> Callable[[int | None], Network
         raise ValueError(f'{path} cannot be read as ONNX: {reason}') from None
     policy = _policy(session, path, context)
     return lambda seed: policy
+
+
+def digest(path: str) -> str:
+    """Returns a digest of a file and of those that it keeps its weights in.
+
+    Raises:
+        ValueError: if it cannot be told which they are; the message says why.
+    """
+    total = hashlib.sha256(pathlib.Path(path).read_bytes())
+    for name in _weight_files(path):
+        try:
+            weights = (pathlib.Path(path).parent / name).read_bytes()
+        except OSError as error:
+            raise ValueError(f'{path} has weights in {name}: {error.strerror}.') from None
+        total.update(name.encode() + b'\0' + hashlib.sha256(weights).digest())
+    return total.hexdigest()
+
+
+def _weight_files(path: str) -> list[str]:
+    """Returns the names of a network's further files."""
+    try:
+        import onnx
+    except ModuleNotFoundError:
+        raise ValueError(
+            f'{path}: which files it consists of takes onnx to tell: pip install '
+            "'fetch_composer[onnx]'."
+        ) from None
+    try:
+        model = onnx.load(path, load_external_data=False)
+    except Exception as error:  # Of protobuf, which comes in several kinds.
+        raise ValueError(f'{path} cannot be read as ONNX: {type(error).__name__}.') from error
+    entries = (entry for each in _messages(model) for entry in getattr(each, 'external_data', ()))
+    return sorted({entry.value for entry in entries if entry.key == 'location'})
+
+
+def _messages(message: Any) -> Iterator[Any]:
+    """Yields a message of protobuf and all that are in it."""
+    yield message
+    for field, value in message.ListFields():
+        if field.message_type is not None:
+            for each in [value] if hasattr(value, 'ListFields') else value:
+                yield from _messages(each)
 
 
 def _policy(session: Any, path: str, context: PolicyContext) -> NetworkPolicy:

@@ -8,6 +8,7 @@ import contextlib
 import json
 import sys
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -24,6 +25,9 @@ _ALGORITHMS = {
     'stable_baselines3.common': ('stable_baselines3', 'PPO'),
     'sb3_contrib.tqc': ('sb3_contrib', 'TQC'),
 }
+_MOST_DATA = 64 * 2**20  # Bytes of the member that describes a model ...
+_MOST_IN_ALL = 2 * 2**30  # ... and of all members, its networks and their optimizers included.
+
 # Only acting is asked for: no memory is set aside for learning, and none of its settings is read.
 _ROWS = 64  # At a time: a call takes about as long as for one.
 _NOT_FOR_LEARNING: dict[str, Any] = {
@@ -110,13 +114,10 @@ def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
 
 def _algorithm(path: str) -> tuple[str, str]:
     """Returns package and name of a file's algorithm, from what is in it as plain text."""
+    data = _data(path)
     try:
-        with zipfile.ZipFile(path) as file:
-            data = json.loads(file.read('data'))
         module = data['policy_class']['__module__']
-    except FileNotFoundError:
-        raise ValueError(f'There is no file {path}.') from None
-    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError):
+    except (KeyError, TypeError):
         raise ValueError(f'{path} is no model of Stable-Baselines3.') from None
     for prefix, (package, name) in _ALGORITHMS.items():
         if str(module).startswith(f'{prefix}.'):
@@ -124,6 +125,32 @@ def _algorithm(path: str) -> tuple[str, str]:
             is_a2c = name == 'PPO' and 'clip_range' not in data
             return package, 'A2C' if is_a2c else name
     raise ValueError(f'{path} has a policy of {module}; valid are {", ".join(_ALGORITHMS)}.')
+
+
+def _data(path: str) -> Any:
+    """Returns what a file says of its model in plain text, once it is seen to be of fair size."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            # No more than this is inflated, whatever is there.
+            in_all = sum(each.file_size for each in file.infolist())
+            for size, most in (
+                (file.getinfo('data').file_size, _MOST_DATA), (in_all, _MOST_IN_ALL)
+            ):  # fmt: skip
+                if size > most:
+                    raise ValueError(
+                        f'{path} would inflate to {size / 2**20:,.0f} MiB, where a model has '
+                        f'{most / 2**20:,.0f} MiB at most.'
+                    )
+            content = file.read('data')
+    except FileNotFoundError:
+        raise ValueError(f'There is no file {path}.') from None
+    except (OSError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        # Damaged, encrypted, compressed in an unknown way, or without that member.
+        raise ValueError(f'{path} is no model of Stable-Baselines3: {error}.') from None
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError):
+        raise ValueError(f'{path} is no model of Stable-Baselines3.') from None
 
 
 def _input(space: Any, sizes: Mapping[str, int], path: str) -> Callable:
