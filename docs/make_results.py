@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks import markdown
 from fetch_composer import policies, tasks
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.results import standard, writing
 
 TABLE = 'standard evaluation: made by make results'
@@ -35,7 +35,7 @@ def _evaluate(folder: pathlib.Path, task: str, convention: str) -> dict[str, Any
     """Returns the summary of an evaluation, which is made unless it is there."""
     path = folder / f'{task}_{convention}'
     summary = files.load_json(path / writing.SUMMARY)
-    origin = {'versions': origins.versions(), 'code': origins.code_digest()}
+    origin = {'versions': provenance.versions(), 'code': provenance.code_digest()}
     if 'standard' in summary and all(summary.get(name) == origin[name] for name in origin):
         return summary
     flags = [f'--task={task}', f'--convention={convention}', f'--output_dir={path}']
@@ -64,7 +64,7 @@ def _text(rows: Sequence[Sequence[str]], versions: dict[str, str | None]) -> str
 
 
 def main(args: argparse.Namespace) -> None:
-    rows, versions = [], origins.versions()
+    rows, versions = [], provenance.versions()
     for task in args.tasks:
         for convention in tasks.conventions_of(task):
             summary = _evaluate(args.runs, task, convention)

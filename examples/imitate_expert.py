@@ -20,7 +20,7 @@ import optax
 import fetch_composer
 from fetch_composer import policies
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.results import statistics
 from fetch_composer.learning import export, networks, rollout, settings
 
@@ -109,7 +109,7 @@ def main(args: argparse.Namespace) -> None:
         'updates': (args.rounds - _EXPERT_ROUNDS + 1) * _UPDATES,
         'minutes': round(minutes, 2),
         **what,
-        'versions': {**origins.versions(), 'jax': jax.__version__},
+        'versions': {**provenance.versions(), 'jax': jax.__version__},
     }
     files.prepare_folder(args.output_dir)
     export.save(args.output_dir / 'policy.onnx', policy)

@@ -14,7 +14,7 @@ from benchmarks import markdown, report, rows
 from docs import make_results
 from fetch_composer import tasks
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.episodes import provenance
 from fetch_composer.tasks import layout, pixels, variations
 
 _ROOT = pathlib.Path(__file__).parents[1]
@@ -193,7 +193,7 @@ def test_the_table_of_results_is_made_once_and_says_what_does_not_ship(tmp_path,
         (folder,) = (each.split('=')[1] for each in command if each.startswith('--output_dir'))
         asked = [each.split('=')[1] for each in command if each.startswith('--policy')]
         rows = [['slide', 'some', policy, '50.0 (46.9–53.1)', '-30.0', '9.87'] for policy in asked]
-        origin = {'versions': origins.versions(), 'code': origins.code_digest()}
+        origin = {'versions': provenance.versions(), 'code': provenance.code_digest()}
         files.prepare_folder(pathlib.Path(folder))
         files.save_json(pathlib.Path(folder, 'summary.json'), {**origin, 'standard': rows})
 
@@ -210,7 +210,7 @@ def test_the_table_of_results_is_made_once_and_says_what_does_not_ship(tmp_path,
     for convention in ('documented', 'gymnasium_robotics'):
         assert f'| slide | {convention} | trained | none ships |  |  |' in text
     assert text.count('| slide | some | expert | 50.0 (46.9–53.1) | -30.0 | 9.87 |') == 2
-    assert f'mujoco {origins.versions()["mujoco"]}' in text
+    assert f'mujoco {provenance.versions()["mujoco"]}' in text
 
 
 def _measured(**changes) -> dict:

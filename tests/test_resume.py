@@ -15,7 +15,7 @@ import pytest
 import fetch_composer
 from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
-from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import store
 from tests import episodes
@@ -206,7 +206,7 @@ def test_an_unreadable_file_of_the_store_is_run_again(tmp_path, damage):
 
 def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypatch):
     _run_stopped(_options(tmp_path), after=4)
-    monkeypatch.setattr(origins, 'code_digest', lambda: 'other')
+    monkeypatch.setattr(provenance, 'code_digest', lambda: 'other')
     with pytest.raises(ValueError, match='differs in code'):
         run_lib.Run(_options(tmp_path), None)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from fetch_composer import policies, suite, user_modules
 from fetch_composer.explorer import files, flags, progress, signals
-from fetch_composer.explorer.episodes import batch_rollout, origins, replay
+from fetch_composer.explorer.episodes import batch_rollout, provenance, replay
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import drawing, film
 from fetch_composer.explorer.report import page, replay_page
@@ -257,7 +257,7 @@ class Run:
                 candidates,
                 comparisons,
                 setting,
-                origins.versions(),
+                provenance.versions(),
                 stopped=self.stopped_by is not None,
                 has_replay=bool(made),
             )
@@ -268,8 +268,8 @@ class Run:
             'stopped_by': self.stopped_by.name if self.stopped_by else None,
             'wall_seconds': round(wall_seconds, 2),
             'gl_backend': self._gl_backend,
-            'versions': origins.versions(),
-            'code': origins.code_digest(),
+            'versions': provenance.versions(),
+            'code': provenance.code_digest(),
             **summary.of_run(candidates, comparisons),
         }
         if self._has_standard:
@@ -313,8 +313,8 @@ class Run:
             **dataclasses.asdict(options.task_options),
             'policies': [[each, policies.digest(each)] for each in options.policy],
             'imports': [[each, user_modules.digest(each)] for each in options.imports],
-            'versions': origins.versions(),
-            'code': origins.code_digest(),
+            'versions': provenance.versions(),
+            'code': provenance.code_digest(),
             'from_state': options.origin and [options.origin.digest(), options.step],
         }
         # As it will be read again: with lists for tuples and arrays.

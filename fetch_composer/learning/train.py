@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes import origins
+from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.results import statistics
 from fetch_composer.learning import checkpoint, curve, exploration, networks
 from fetch_composer.learning import settings as settings_lib
@@ -247,7 +247,7 @@ class Run:
             'minutes': round(float(minutes), 2),
             'cpu_minutes': round(float(cpu_minutes), 2),
             **options.decisive,
-            'versions': {**origins.versions(), 'jax': jax.__version__},
+            'versions': {**provenance.versions(), 'jax': jax.__version__},
         }
         export.save(options.output_dir / 'policy.onnx', self.policy)
         title = f'{options.task}, {options.convention}, seed {options.seed}'

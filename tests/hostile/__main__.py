@@ -13,7 +13,7 @@ from collections.abc import Callable
 os.environ.setdefault('MUJOCO_GL', 'disabled')
 
 from benchmarks import markdown  # noqa: E402
-from fetch_composer.explorer.episodes import origins  # noqa: E402
+from fetch_composer.explorer.episodes import provenance  # noqa: E402
 from tests.hostile import endurance, faces, stores  # noqa: E402
 from tests.hostile.tally import Tally  # noqa: E402
 
@@ -74,7 +74,7 @@ def table(tallies: dict[str, Tally], seconds: float, seed: int) -> str:
         (name, f'{each.tried:,}', f'{each.refused:,}', str(len(each.defects)))
         for name, each in tallies.items()
     ]
-    versions = origins.versions()
+    versions = provenance.versions()
     return (
         f'{markdown.table(_HEADER, rows)}\n\n'
         f'{seconds / 60:.0f} minutes, seed {seed}, {platform.system()}, Python '

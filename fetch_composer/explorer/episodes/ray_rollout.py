@@ -24,7 +24,7 @@ except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
 from fetch_composer import policies, simulations, user_modules
-from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes import batch_rollout, provenance
 from fetch_composer.explorer.episodes.episode import Episode
 
 LOCAL = 'local'
@@ -208,7 +208,7 @@ def _one_line(error: Exception) -> str:
 def _run(
     options: batch_rollout.EpisodeOptions, seeds: list[int], num_envs: int, needed: _Origins
 ) -> list[Episode]:
-    # Loads modules and policy, so that their origins are known.
+    # Loads modules and policy, so that where they come from is known.
     batch_of_worker = _batch(pickle.dumps(options), num_envs)
     here = _origins(options.policy, options.imports)
     differing = sorted(name for name in needed if here.get(name) != needed[name])
@@ -230,10 +230,10 @@ def _batch(pickled_options: bytes, num_envs: int) -> batch_rollout.BatchRollout:
 @functools.lru_cache(maxsize=1)
 def _origins(policy: str, imports: tuple[str, ...] = ()) -> _Origins:
     """Returns versions and digests of what decides on episodes, in this process."""
-    versions = {name: each for name, each in origins.versions().items() if name != 'python'}
+    versions = {name: each for name, each in provenance.versions().items() if name != 'python'}
     return {
         **versions,
-        'code': origins.code_digest(),
+        'code': provenance.code_digest(),
         'policy': policies.digest(policy),
         **{each: user_modules.digest(each) for each in imports},
     }

@@ -26,7 +26,7 @@ except ImportError as error:
 
 from fetch_composer import gymnasium_ids, tasks
 from fetch_composer.explorer import files
-from fetch_composer.explorer.episodes import batch_rollout, origins
+from fetch_composer.explorer.episodes import batch_rollout, provenance
 from fetch_composer.explorer.episodes.episode import Episode
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
@@ -89,7 +89,7 @@ def save(
     task_options = options.task_options
     env_id = gymnasium_ids.env_id(options.task, task_options.convention, task_options.reward_type)
     given = {name: getattr(task_options, name) for name in _GIVEN}
-    versions = origins.versions()
+    versions = provenance.versions()
     folder = get_dataset_path(name)
     with (
         _partial_folder(owner) as partial,
