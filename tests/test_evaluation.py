@@ -68,7 +68,7 @@ def _evaluate(policy, task='reach', **kwargs):
 
 def test_figures_are_those_of_the_episodes(task_name, convention):
     result = _evaluate('random', task_name, convention=convention, reward_type='dense')
-    options = TaskOptions('dense', _STEPS, convention)
+    options = TaskOptions(reward_type='dense', max_episode_steps=_STEPS, convention=convention)
     episodes = batch_rollout.run_episodes(
         batch_rollout.EpisodeOptions(task_name, 'random', options), _SEEDS
     )

@@ -48,7 +48,7 @@ def _episodes(task_name, count=2, policy='random'):
 
 
 def _candidate(policy, key, episodes, is_alone=False):
-    films = {index: Film(None, ()) for index in range(len(episodes))}
+    films = {index: Film(None, (), None, None) for index in range(len(episodes))}
     return Candidate(policy, key, is_alone, lambda seed: None, episodes, films)
 
 
