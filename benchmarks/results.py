@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks import meters, pairing
 from benchmarks.rows import Breakdown, Row
-from fetch_composer.simulations import num_processors
+from fetch_composer.batch.simulations import num_processors
 
 _MIN_PAIRS = 3
 _PACKAGES = ('dm-control', 'mujoco', 'numpy')

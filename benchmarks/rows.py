@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from benchmarks.meters import OWN, RAY, MemoryPerEnvironment, Meter, WholeProcess, Worker
 from benchmarks.workers.rounds import EPISODE_STEPS
-from fetch_composer.simulations import num_processors
+from fetch_composer.batch.simulations import num_processors
 
 GYMNASIUM_ROBOTICS = 'gymnasium_robotics'
 ENVPOOL = 'envpool'

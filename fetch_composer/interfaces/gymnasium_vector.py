@@ -7,9 +7,9 @@ import dm_env
 import numpy as np
 
 from fetch_composer.batch import BatchEnvironment
+from fetch_composer.batch.row_renderer import RowRenderer
 from fetch_composer.interfaces import gymnasium_common
 from fetch_composer.interfaces.gymnasium_common import AutoresetMode, gymnasium
-from fetch_composer.row_renderer import RowRenderer
 from fetch_composer.tasks import checks
 from fetch_composer.tasks.state import State
 
@@ -78,7 +78,7 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         picture: dict[str, Any] = gymnasium_common.picture_options(width, height, supersampling)
         self._renderer: RowRenderer | None = None
         if render_mode is not None:
-            self._renderer = RowRenderer(task, task_kwargs, camera_name, **picture)
+            self._renderer = RowRenderer(task, task_kwargs, name=camera_name, **picture)
         self.single_action_space, self.single_observation_space = gymnasium_common.spaces_of(
             self._batch.single_action_spec(), self._batch.single_observation_spec()
         )

@@ -23,7 +23,8 @@ try:
 except ImportError as error:
     raise ImportError("--ray needs Ray: pip install 'fetch_composer[ray]'.") from error
 
-from fetch_composer import policies, simulations, user_modules
+from fetch_composer import policies, user_modules
+from fetch_composer.batch import simulations
 from fetch_composer.explorer.episodes import batch_rollout, provenance
 from fetch_composer.explorer.episodes.episode import Episode
 

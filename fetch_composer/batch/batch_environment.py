@@ -8,9 +8,10 @@ import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from fetch_composer import simulations, tasks
-from fetch_composer.batch_episodes import BatchEpisodes
-from fetch_composer.batch_pictures import BatchPictures
+from fetch_composer import tasks
+from fetch_composer.batch import simulations
+from fetch_composer.batch.episodes import BatchEpisodes
+from fetch_composer.batch.pictures import BatchPictures
 from fetch_composer.entities import contact_pairs
 from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, drive, rewards, seeding, starts

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from fetch_composer import suite
+from fetch_composer import tasks
+from fetch_composer.environment import Environment
 from fetch_composer.tasks import camera
 from fetch_composer.tasks.state import State
 
@@ -20,31 +21,21 @@ class RowRenderer:
         self,
         task: str,
         task_kwargs: Mapping[str, Any],
-        camera_name: str,
-        height: int,
-        width: int,
-        supersampling: int = 1,
-        shadows: bool = True,
+        **camera_kwargs: Any,
     ) -> None:
         """Compiles the simulation that is drawn.
 
         Args:
             task: Name of the task of the batch.
             task_kwargs: Options of its task.
-            camera_name: Name of a camera.
-            height: Height of a picture in pixels.
-            width: Width of a picture in pixels.
-            supersampling: A pixel of a picture is the mean of as many pixels squared.
-            shadows: Whether things cast shadows.
+            **camera_kwargs: What a `tasks.camera.Camera` takes.
 
         Raises:
             ValueError: if there is no such camera; the message lists those that there are.
         """
-        self._env = suite.load(suite.DOMAIN, task, task_kwargs)
+        self._env = Environment(tasks.make(task, **task_kwargs), random_state=0)
         self._env.reset()
-        self._camera = camera.Camera(
-            self._env.physics, camera_name, height, width, supersampling, shadows
-        )
+        self._camera = camera.Camera(self._env.physics, **camera_kwargs)
 
     def pictures(self, states: Sequence[State]) -> tuple[np.ndarray, ...]:
         """Returns a picture, (height, width, 3) uint8, of each state."""
