@@ -29,6 +29,19 @@ def save(path, inputs, outputs=(('action', ['batch', 4]),), double=False):
     return weights
 
 
+def keep_weights_apart(path):
+    """Moves the weights of a network into a file beside it, which is returned."""
+    onnx = pytest.importorskip('onnx')
+    onnx.save(
+        onnx.load(str(path)),
+        str(path),
+        save_as_external_data=True,
+        location='weights.bin',
+        size_threshold=0,
+    )
+    return path.parent / 'weights.bin'
+
+
 def save_of_width_3(path):
     onnx = pytest.importorskip('onnx')
     pytest.importorskip('onnxruntime')

@@ -36,6 +36,15 @@ def explore(*flags, **variables):
     )
 
 
+def check_imports_none_of(statement, needless):
+    """Makes sure that a statement, in a process of its own, imports none of these modules."""
+    code = (
+        f'import sys\n{statement}\nneedless = {set(needless)!r}\n'
+        'assert not needless & set(sys.modules), needless & set(sys.modules)'
+    )
+    subprocess.run([sys.executable, '-c', code], env=environment(MUJOCO_GL='off'), check=True)
+
+
 def names(folder):
     """Returns the names of the files in a folder."""
     return {path.name for path in folder.iterdir()}
