@@ -18,7 +18,7 @@ import numpy as np
 
 import fetch_composer
 from benchmarks import markdown
-from fetch_composer import policies
+from fetch_composer import gymnasium_ids, policies
 from fetch_composer.explorer.results import statistics
 from fetch_composer.policies.files import trained
 
@@ -36,8 +36,7 @@ def _context(task: str) -> policies.PolicyContext:
 
 def _run_here(context: policies.PolicyContext, seeds: range) -> np.ndarray:
     """Returns whether the episode of each seed ends at its goal, as Gymnasium seeds it."""
-    name = ''.join(word.capitalize() for word in context.task_name.split('_'))
-    env = gymnasium.make(f'fetch_composer/Fetch{name}-v4')
+    env = gymnasium.make(gymnasium_ids.env_id(context.task_name, _CONVENTION))
     policy = policies.load('trained', context)
     successes = []
     for seed in seeds:
