@@ -64,12 +64,11 @@ def record(env, policy_name: str, seed: int) -> Episode:
 
 
 def assert_same(time_steps, others) -> None:
-    """Asserts that two sequences of time steps are equal to the bit."""
+    """Asserts that two sequences of time steps, single or batched, are equal to the bit."""
     assert len(time_steps) == len(others)
     for one, other in zip(time_steps, others, strict=True):
-        assert one.step_type == other.step_type
-        assert one.reward == other.reward
-        assert one.discount == other.discount
+        for name in ('step_type', 'reward', 'discount'):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
         assert list(one.observation) == list(other.observation)
         for name, value in one.observation.items():
             np.testing.assert_array_equal(value, other.observation[name], err_msg=name)

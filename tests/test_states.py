@@ -133,14 +133,14 @@ def test_a_state_of_another_environment_is_refused_and_nothing_changes():
     for other in varied, reach:
         other.reset()
     refused = [
-        (reach.get_state(), r'task_name \(reach, not push\)'),
+        (reach.get_state(), r"task_name \('reach', not 'push'\)"),
         (varied.get_state(), 'varies object_mass; this environment varies nothing'),
-        (dataclasses.replace(kept, version='3.0'), r'version \(3.0, not'),
+        (dataclasses.replace(kept, version='3.0'), r"version \('3.0', not"),
         (dataclasses.replace(kept, convention='gymnasium_robotics'), 'convention'),
         ('state', 'A State is needed'),
         (
             fetch_composer.load('push', seed=np.random.RandomState(0)).get_state(),
-            'generator of kind MT19937',
+            "generator of kind 'MT19937'",
         ),
     ]
     env.set_state(kept)
@@ -154,6 +154,42 @@ def test_a_state_of_another_environment_is_refused_and_nothing_changes():
     with pytest.raises(ValueError, match='2 states are needed, got 1'):
         batch.set_states([kept])
     episodes.assert_same(_follows(env), expected)
+
+
+def test_a_state_made_by_hand_that_cannot_be_is_refused_and_nothing_changes():
+    variations = {'object_mass': distributions.Uniform(1.0, 3.0)}
+    env = fetch_composer.load('push', seed=0, variations=variations)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
+    env.reset()
+    batch.reset()
+    kept, kept_rows = env.get_state(), batch.get_states()
+    expected, expected_rows = _follows(env), episodes.run(batch, np.ones((3, 2, 4)))
+    env.set_state(kept)
+    batch.set_states(kept_rows)
+    refused = [
+        ({'physics': kept.physics[:-1]}, 'physics of the state must be finite numbers of shape'),
+        ({'physics': np.full_like(kept.physics, np.nan)}, 'physics of the state must be finite'),
+        ({'physics': None}, 'physics of the state must be finite'),
+        ({'gripper_pose': np.zeros(6)}, r'gripper_pose of the state .* shape \(7,\)'),
+        ({'goal': np.zeros(2)}, r'goal of the state .* shape \(3,\)'),
+        ({'steps_taken': -1}, 'steps_taken of the state must be a non-negative integer'),
+        ({'steps_taken': 1.5}, 'steps_taken of the state'),
+        ({'is_over': 1}, 'is_over of the state must be True or False'),
+        ({'variations': {'object_mass': np.array((1.0, 2.0))}}, "'object_mass' drew"),
+        ({'variations': {'object_mass': 2.0}}, "'object_mass' of the state must be an array"),
+        ({'given': {'position': (1, 2)}}, 'valid are object_position, goal'),
+        ({'given': {'goal': (9, 9, 9)}}, 'off the table'),
+        ({'generator': None}, 'generator of kind None'),
+        ({'generator': {'bit_generator': 'PCG64'}}, 'generator is not one of PCG64'),
+    ]
+    for change, message in refused:
+        state = dataclasses.replace(kept, **change)
+        with pytest.raises(ValueError, match=message):
+            env.set_state(state)
+        with pytest.raises(ValueError, match=message):
+            batch.set_states([kept, state])
+    episodes.assert_same(_follows(env), expected)
+    episodes.assert_same(episodes.run(batch, np.ones((3, 2, 4))), expected_rows)
 
 
 def test_a_refused_state_leaves_an_environment_that_was_never_reset_as_it_was():

@@ -119,7 +119,7 @@ class BatchEpisodes:
     def check(self, i: int, state: State) -> None:
         """Raises `ValueError`, which says what differs, if a state does not fit an environment."""
         self._identity.check(state)
-        self._variations.check_drawn(state.variations)
+        self._starts.check_restored(state.variations, state.given)
         seeding.check_generator(self._random_states[i], state.generator)
 
     def set(self, i: int, state: State) -> None:

@@ -1,7 +1,7 @@
 """Values that are refused with a message that says what would be valid."""
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -94,6 +94,12 @@ def sequence(name: str, value: Any) -> list:
     return list(value)
 
 
+def mapping(name: str, value: Any) -> None:
+    """Raises `ValueError` if a value is no mapping."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f'{name} must be a mapping by name; got {shown(value)}.')
+
+
 def is_numeric(value: np.ndarray) -> bool:
     """Returns whether an array is of real numbers."""
     return value.dtype.kind in 'fiu'
@@ -114,6 +120,15 @@ def _numbers(name: str, value: Any) -> np.ndarray:
     """Returns numbers as an array; a NaN of no dimension for what is not made of numbers."""
     found = array(name, value)
     return found.astype(np.float64) if is_numeric(found) else np.array(np.nan)
+
+
+def finite(name: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raises `ValueError` if a value is not an array of finite numbers of a shape."""
+    # What it is nearly always, first: states are restored thousands of times by planners.
+    is_floats = type(value) is np.ndarray and value.dtype == np.float64
+    found = value if is_floats else _numbers(name, value)
+    if found.shape != shape or not np.isfinite(found).all():
+        raise ValueError(f'{name} must be finite numbers of shape {shape}; got {shown(value)}.')
 
 
 def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -233,7 +233,7 @@ class GoalTask(composer.Task):
         self._target_rgba[:] = entities.target_rgba(achieved=False)
 
     def _set_goal(self, goal: np.ndarray | None) -> None:
-        self._goal = np.array(goal)
+        self._goal = np.array(goal, dtype=np.float64)
         self._model.body_pos[self.addresses.target] = self._goal
 
     def _vary(self, physics, values: Mapping[str, np.ndarray]) -> None:
@@ -264,7 +264,7 @@ class GoalTask(composer.Task):
     def check_state(self, state: state_lib.State, random_state: np.random.RandomState) -> None:
         """Raises `ValueError`, which says what differs, if a state does not fit."""
         self.identity.check(state)
-        self.variations.check_drawn(state.variations)
+        self.starts.check_restored(state.variations, state.given)
         seeding.check_generator(random_state, state.generator)
 
     def set_state(

@@ -1,5 +1,6 @@
 """Seeds, and the generator that they give: Gymnasium's own."""
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -70,11 +71,22 @@ def random_state(seed) -> np.random.RandomState:
     return SeededRandomState(check_seed(seed))
 
 
+@functools.cache
+def _trial(kind: str) -> np.random.RandomState:
+    """Returns a generator that nothing is drawn from."""
+    return np.random.RandomState(getattr(np.random, kind)())
+
+
 def check_generator(generator: np.random.RandomState, state: Mapping[str, Any]) -> None:
-    """Raises `ValueError` if the state of another kind of generator was taken."""
+    """Raises `ValueError` if a state is not one of such a generator."""
     needed = generator.get_state(legacy=False)['bit_generator']
-    if state['bit_generator'] != needed:
+    kind = state.get('bit_generator') if isinstance(state, Mapping) else state
+    if not isinstance(kind, str) or kind != needed:
         raise ValueError(
-            f'The state has a generator of kind {state["bit_generator"]}; this environment draws '
+            f'The state has a generator of kind {checks.shown(kind)}; this environment draws '
             f'from {needed}. Seed both in the same way.'
         )
+    try:
+        _trial(needed).set_state(dict(state))
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
+        raise ValueError(f"The state's generator is not one of {needed}: {error}.") from None

@@ -9,7 +9,7 @@ from dm_control import composer, mjcf
 from dm_control.composer import variation
 from dm_control.utils import inverse_kinematics
 
-from fetch_composer.tasks import conventions
+from fetch_composer.tasks import checks, conventions
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.scene import Scene
 from fetch_composer.tasks.settled import SettledState
@@ -46,7 +46,8 @@ class Start:
     @classmethod
     def of(cls, given: Mapping[str, np.ndarray]) -> 'Start':
         """Returns a start with the places that `given` has returned."""
-        return cls(given.get('object_position'), given.get('goal'))
+        places = {name: np.array(place, dtype=np.float64) for name, place in given.items()}
+        return cls(places.get('object_position'), places.get('goal'))
 
     def given(self) -> dict[str, np.ndarray]:
         """Returns the places that are not None, by name."""
@@ -117,6 +118,19 @@ class EpisodeStarts:
         if goal is not None:
             goal = self._workspace.check_goal(goal)
         return Start(object_position, goal)
+
+    def check_restored(
+        self, variations: Mapping[str, np.ndarray], given: Mapping[str, np.ndarray]
+    ) -> None:
+        """Raises `ValueError` if what a state says was drawn, or given, cannot have been."""
+        self._variations.check_drawn(variations)
+        unknown = [name for name in given if name not in ('object_position', 'goal')]
+        if unknown:
+            raise ValueError(
+                f'The state gives {checks.shown(unknown)} for the next episode; valid are '
+                f'object_position, goal.'
+            )
+        self.check(**given)
 
     def _has_place(
         self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING

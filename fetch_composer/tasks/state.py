@@ -13,10 +13,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fetch_composer.tasks import drive
+from fetch_composer.tasks import checks, drive
 
 _PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _SEPARATOR = '/'
+_MOST_STEPS = 2**31  # Which a batch can count.
+_NAMES = ('task_name', 'convention', 'model', 'version')
 
 # What of a compiled model decides on motion; of geoms, only those that touch things count.
 _BODY_FIELDS = (
@@ -107,25 +109,33 @@ class Identity:
     convention: str
     model: str
     version: str
+    shapes: Mapping[str, tuple[int, ...]]  # Of a state's arrays.
 
     @functools.cached_property
     def names(self) -> dict[str, str]:
-        """The same as a dictionary."""
-        return dataclasses.asdict(self)
+        """What a state carries of it."""
+        return {name: getattr(self, name) for name in _NAMES}
 
     def check(self, state: State) -> None:
         """Raises `ValueError`, which says what differs, if a state is not of this identity."""
         if not isinstance(state, State):
             raise ValueError(f'A State is needed, as get_state returns it; got {state!r:.80}.')
         differing = [
-            f'{name} ({getattr(state, name)}, not {needed})'
+            f'{name} ({checks.shown(found)}, not {needed!r})'
             for name, needed in self.names.items()
-            if getattr(state, name) != needed
+            if not isinstance(found := getattr(state, name), str) or found != needed
         ]
         if differing:
             raise ValueError(
                 f'The state is of another environment: it differs in {", ".join(differing)}.'
             )
+        for name, shape in self.shapes.items():
+            checks.finite(f'{name} of the state', getattr(state, name), shape)
+        if checks.integer('steps_taken of the state', state.steps_taken, 0) > _MOST_STEPS:
+            raise ValueError(f'steps_taken of the state is more than {_MOST_STEPS}.')
+        checks.boolean('is_over of the state', state.is_over)
+        for name in ('variations', 'given'):
+            checks.mapping(f'{name} of the state', getattr(state, name))
 
 
 def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity:
@@ -136,8 +146,17 @@ def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity
         digest.update(np.ascontiguousarray(getattr(model, name)).tobytes())
     for name in _GEOM_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
-    version = metadata.version('mujoco')
-    return Identity(task_name, convention, digest.hexdigest()[:16], version)
+    return Identity(
+        task_name,
+        convention,
+        digest.hexdigest()[:16],
+        metadata.version('mujoco'),
+        shapes={
+            'physics': (mujoco.mj_stateSize(model, _PHYSICS),),
+            'gripper_pose': (7,),
+            'goal': (3,),
+        },
+    )
 
 
 def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

@@ -66,6 +66,25 @@ def _bounds(geom_type: int, size: np.ndarray) -> np.ndarray:
     return np.array((size[0], size[0], size[1]))
 
 
+def _checked(name: str, value: Any) -> np.ndarray:
+    """Returns what a variation drew, flat, in float64.
+
+    Raises:
+        ValueError: if it has the wrong size, is not finite, or is not positive where it has to be.
+    """
+    found = checks.array(repr(name), value)
+    sizes, description = DESCRIPTIONS[name]
+    fits = checks.is_numeric(found) and found.size in sizes
+    if not fits or not np.isfinite(found).all():
+        raise ValueError(f'{name!r} drew {checks.shown(value)}, but it is {description}.')
+    found = found.astype(np.float64)
+    if name in _POSITIVE and (found <= 0).any():
+        raise ValueError(f'{name!r} drew {found.tolist()}, but it must be positive.')
+    if name == 'object_color' and ((found < 0) | (found > 1)).any():
+        raise ValueError(f'{name!r} drew {found.tolist()}, but it is {description}.')
+    return found.reshape(-1)
+
+
 class Variations:
     """The variations of one task."""
 
@@ -128,12 +147,16 @@ class Variations:
         return not _NEED_SET_CONST.isdisjoint(self._given)
 
     def check_drawn(self, values: Mapping[str, np.ndarray]) -> None:
-        """Raises `ValueError` if values are not those of these variations, by name."""
+        """Raises `ValueError` if values are not such as these variations draw, by name."""
         if set(values) != set(self._given):
             raise ValueError(
-                f'The state varies {", ".join(sorted(values)) or "nothing"}; this environment '
-                f'varies {", ".join(sorted(self._given)) or "nothing"}.'
+                f'The state varies {", ".join(sorted(map(str, values))) or "nothing"}; this '
+                f'environment varies {", ".join(sorted(self._given)) or "nothing"}.'
             )
+        for name, value in values.items():
+            shape = _checked(name, value).shape
+            if not isinstance(value, np.ndarray) or value.shape != shape:
+                raise ValueError(f'{name!r} of the state must be an array of shape {shape}.')
 
     def draw(self, random_state: np.random.RandomState) -> dict[str, np.ndarray]:
         """Returns {name: value} for one episode.
@@ -142,20 +165,10 @@ class Variations:
             ValueError: if a value has the wrong size, is not finite, or is not positive where
                 it has to be.
         """
-        drawn = {}
-        for name, source in self._given.items():
-            value = checks.array(repr(name), variation.evaluate(source, random_state=random_state))
-            sizes, description = DESCRIPTIONS[name]
-            fits = checks.is_numeric(value) and value.size in sizes
-            if not fits or not np.isfinite(value).all():
-                raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
-            value = value.astype(np.float64)
-            if name in _POSITIVE and (value <= 0).any():
-                raise ValueError(f'{name!r} drew {value.tolist()}, but it must be positive.')
-            if name == 'object_color' and ((value < 0) | (value > 1)).any():
-                raise ValueError(f'{name!r} drew {value.tolist()}, but it is {description}.')
-            drawn[name] = value.reshape(-1)
-        return drawn
+        return {
+            name: _checked(name, variation.evaluate(source, random_state=random_state))
+            for name, source in self._given.items()
+        }
 
     @property
     def vary_looks(self) -> bool:

@@ -9,12 +9,14 @@ from typing import Any
 
 import hypothesis
 import numpy as np
+from dm_control.rl import control
 from hypothesis import strategies as st
 
 import fetch_composer
 from fetch_composer import tasks
 from fetch_composer.explorer import flags
 from fetch_composer.tasks import conventions, variations
+from fetch_composer.tasks.state import State
 from tests.hostile import values
 from tests.hostile.tally import Tally
 
@@ -143,6 +145,46 @@ def batch_resets(tally: Tally, seed: int, examples: int) -> None:
     )  # fmt: skip
 
 
+def states(tally: Tally, seed: int, examples: int) -> None:
+    """Restores states of which one field has been changed, single and in a batch."""
+    of_generator = st.dictionaries(
+        st.sampled_from(('bit_generator', 'state', 'has_uint32', 'gauss')), values.ANYTHING
+    )
+
+    def check(variant, name, value, in_part) -> None:
+        env, batch = _single(*variant), _batch(*variant)
+        kept, kept_rows = env.get_state(), batch.get_states()
+        if in_part and isinstance(value, dict):
+            value = {**getattr(kept, name), **value} if name == 'generator' else value
+        state = dataclasses.replace(kept, **{name: value})
+        for face, restore, restored in (
+            (env, lambda: env.set_state(state), lambda: env.set_state(kept)),
+            (batch, lambda: batch.set_states([state] * _ROWS), lambda: batch.set_states(kept_rows)),
+        ):
+            was_refused = True
+            with _refused_or_right(tally, name, 'goal', 'State', 'state', *variations.NAMES):
+                restore()
+                was_refused = False
+            if was_refused:
+                assert equal(kept, env.get_state()), 'refused, and has changed'
+                assert equal(kept_rows, batch.get_states()), 'refused, and has changed'
+            else:
+                with contextlib.suppress(control.PhysicsError):  # From a pose far away.
+                    _check_finite(face.step(np.zeros(face.action_spec().shape)).observation)
+            restored()
+
+    _fuzz(
+        seed, examples, check,
+        variant=st.sampled_from(_VARIANTS),
+        name=st.sampled_from([field.name for field in dataclasses.fields(State)]),
+        value=st.one_of(
+            values.ANYTHING, values.vectors(3), values.vectors(7),
+            st.fixed_dictionaries({}, optional={'goal': values.vectors(3)}), of_generator,
+        ),
+        in_part=st.booleans(),
+    )  # fmt: skip
+
+
 def gymnasium_resets(tally: Tally, seed: int, examples: int) -> None:
     """Resets Gymnasium's faces with seeds and options."""
     option = st.one_of(
@@ -250,6 +292,7 @@ ALL: dict[str, Callable[[Tally, int, int], None]] = {
     'actions of a batch': batch_actions,
     'resets of a batch: ids, places, seeds': batch_resets,
     "Gymnasium's resets: seeds, options": gymnasium_resets,
+    'states with a changed field': states,
     'goals of `compute_reward`': rewards,
     'options of `load`': options,
     'options of the explorer': explorer_options,
