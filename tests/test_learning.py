@@ -220,11 +220,13 @@ def test_after_a_kill_the_same_command_goes_on_and_ends_with_a_report(tmp_path):
         time.sleep(0.05)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    (tmp_path / '.fetch_composer_part_left').mkdir()
     subprocess.run([*command, '--minutes=1e-6'], check=True, capture_output=True, **options)
     summary = json.loads((tmp_path / 'summary.json').read_text())
     points = curve.load(tmp_path / 'curve.csv')
     assert summary['environment_steps'] >= points[-1].environment_steps > 0
     assert (tmp_path / 'report' / 'report.html').is_file()
+    assert not list(tmp_path.glob('.fetch_composer_part*'))
 
 
 def _text(value):
@@ -291,6 +293,14 @@ def test_a_folder_of_another_run_is_left_alone(reached):
     with pytest.raises(ValueError, match='seed: there 3, here 4'):
         train.Run(dataclasses.replace(_options(folder), seed=4))
     assert files == {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path):
+    run = train.Run(_options(tmp_path))
+    with pytest.raises(ValueError, match='Another run is at work in'):
+        train.Run(_options(tmp_path))
+    run.close()
+    train.Run(_options(tmp_path)).close()
 
 
 def test_a_file_that_is_no_checkpoint_is_named(tmp_path):

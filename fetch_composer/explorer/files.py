@@ -82,7 +82,7 @@ def load_arrays(path: pathlib.Path) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as file:
             return dict(file)
     except Exception as error:  # Of zipfile, zlib, struct, numpy, and of the system.
-        raise UnreadableError(f'{path}: {type(error).__name__}: {error}') from error
+        raise UnreadableError(f'{path} cannot be read ({type(error).__name__}: {error})') from error
 
 
 def digest(path: pathlib.Path) -> str:

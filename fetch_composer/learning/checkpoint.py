@@ -2,7 +2,6 @@
 
 import json
 import pathlib
-import zipfile
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from fetch_composer.explorer import files
 
 FILE_NAME = 'checkpoint.npz'
 _RUN = 'run'
+_WHAT_TO_DO = 'remove it to begin again, or give another --output_dir.'
 
 
 def save(folder: pathlib.Path, run: Mapping[str, Any], state: Mapping[str, np.ndarray]) -> None:
@@ -36,14 +36,12 @@ def load(folder: pathlib.Path, run: Mapping[str, Any]) -> dict[str, np.ndarray] 
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
-            state = dict(file)
+        state = files.load_arrays(path)
         found = json.loads(str(state.pop(_RUN)))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(
-            f'{path} cannot be read ({error}); remove it to begin again, or give another '
-            '--output_dir.'
-        ) from None
+    except files.UnreadableError as error:
+        raise ValueError(f'{error}; {_WHAT_TO_DO}') from None
+    except (ValueError, KeyError):
+        raise ValueError(f'{path} is no checkpoint; {_WHAT_TO_DO}') from None
     differences = _differences(found, run)
     if differences:
         raise ValueError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
+from fetch_composer.explorer.folder_lock import FolderLock
 from fetch_composer.explorer.results import statistics
 from fetch_composer.learning import checkpoint, curve, exploration, networks
 from fetch_composer.learning import settings as settings_lib
@@ -106,14 +107,24 @@ class Run:
             on_progress: Is called with each new point of the curve.
 
         Raises:
-            ValueError: if the folder holds another run.
+            ValueError: if the folder holds another run, or one that is still at work.
             OSError: if the folder cannot be written to.
         """
         self._options = options
         self._on_progress = on_progress or (lambda point: None)
         self._clock = _Clock()
         files.prepare_folder(options.output_dir)
+        self._lock = FolderLock(options.output_dir)
+        try:
+            self._open()
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def _open(self) -> None:
+        options = self._options
         state = checkpoint.load(options.output_dir, options.decisive)
+        files.clear_parts(options.output_dir)
         self.points: list[curve.Point] = []
         self.is_continued = state is not None
         self._relay_counts = np.zeros(2, int)  # Control steps and updates of Reach.
@@ -155,8 +166,9 @@ class Run:
         return self._finish()
 
     def close(self) -> None:
-        """Frees the simulations."""
+        """Frees the simulations, and lets other runs into the folder."""
         self._trainer.close()
+        self._lock.close()
 
     def _is_late(self) -> bool:
         limit = self._options.minutes

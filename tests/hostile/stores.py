@@ -163,7 +163,7 @@ def damaged_stores(tally: Tally, seed: int, count: int) -> None:
             shutil.copytree(unfinished.name, folder)
             found = sorted(
                 path for path in (folder / store.NAME).rglob('*')
-                if path.is_file() and path.name != store.LOCK
+                if path.is_file()
             )  # fmt: skip
             for path in generator.sample(found, generator.choice((1, 1, 2))):
                 _damage(path, generator)

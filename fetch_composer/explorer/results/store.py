@@ -5,7 +5,6 @@ the run has finished, because then its results are in their places.
 """
 
 import dataclasses
-import os
 import pathlib
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,15 +15,10 @@ import numpy as np
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import episode as episode_lib
 from fetch_composer.explorer.episodes.episode import Episode
-
-try:
-    import fcntl
-except ModuleNotFoundError:  # On Windows nothing keeps two runs apart.
-    fcntl = None  # type: ignore[assignment]
+from fetch_composer.explorer.folder_lock import FolderLock
 
 NAME = '.unfinished_run'
 _IDENTITY = 'identity.json'
-LOCK = 'lock'
 _EPISODES = 'episodes_from_seed_{seed}.npz'
 
 
@@ -49,7 +43,8 @@ class Store:
         if self._path.is_symlink():
             raise ValueError(f'{self._path} is a link to elsewhere, which a run would clear.')
         self._path.mkdir(exist_ok=True)
-        self._lock = _locked(self._path / LOCK)
+        self._lock = FolderLock(self._path, shown=folder)
+        self._is_closed = False
         try:
             files.clear_parts(self._path, recursive=True)
             found = files.load_json(self._path / _IDENTITY)
@@ -97,12 +92,12 @@ class Store:
 
     def close(self) -> None:
         """Lets go of the store, for another process to continue; an empty one is removed."""
-        if self._lock.closed:
+        if self._is_closed:
             return
         if self.is_empty:
             self.discard()
-        else:
-            self._lock.close()
+        self._is_closed = True
+        self._lock.close()
 
     def discard(self) -> None:
         """Removes the store, since the run has finished."""
@@ -110,6 +105,7 @@ class Store:
         files.remove_folder(self._path / _IDENTITY)
         (self._path / _IDENTITY).unlink(missing_ok=True)
         shutil.rmtree(self._path, ignore_errors=True)
+        self._is_closed = True
         self._lock.close()
 
     def _clear(self) -> None:
@@ -118,25 +114,8 @@ class Store:
         for path in self._path.iterdir():
             if path.is_dir():
                 shutil.rmtree(path)
-            elif path.name != LOCK:
+            else:
                 path.unlink()
-
-
-def _locked(path: pathlib.Path):
-    """Returns an open file that no other process can lock until it is closed or its owner dies."""
-    # Not through a link that someone has put in its place.
-    flags = os.O_CREAT | os.O_RDWR | getattr(os, 'O_NOFOLLOW', 0)
-    file = open(os.open(path, flags, 0o666), 'a')  # noqa: SIM115
-    if fcntl is not None:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.close()
-            raise ValueError(
-                f'Another run is at work in {path.parent.parent}: wait for it, or choose another '
-                '--output_dir.'
-            ) from None
-    return file
 
 
 def _load(path: pathlib.Path) -> list[Episode]:
