@@ -31,6 +31,7 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3_explorer.py
+	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_rl_zoo.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_videos.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
@@ -117,7 +118,7 @@ $(VENV)/.test: $(BIN)/python setup.py
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
-.venv-clients-torch/.installed: EXTRA = [explore,sb3,torchrl]
+.venv-clients-torch/.installed: EXTRA = [explore,rl_zoo,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
 .venv-clients-minari/.installed: EXTRA = [minari]
 .venv-clients-%/.installed: setup.py

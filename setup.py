@@ -27,6 +27,7 @@ SB3 = [
     'moviepy>=2',  # For VecVideoRecorder, and for Gymnasium's RecordVideo.
     *GYMNASIUM,
 ]
+RL_ZOO = ['rl_zoo3>=2.9.2,<2.10', *SB3]
 TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
 RAY = ['ray>=2.60,<2.61']
 # Pillow and h5py are not among Minari's own requirements, and it has none for Python 3.10.
@@ -74,6 +75,7 @@ setuptools.setup(
         'learn': LEARN,
         'onnx': ONNX,
         'sb3': SB3,
+        'rl_zoo': RL_ZOO,
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,
         'minari': MINARI + EXPLORE,

@@ -1,7 +1,11 @@
-"""The part of dm-launchpad that Acme 0.4.0 needs to run a loop in one process.
+"""The part of dm-launchpad that Acme needs to run loops and experiments in one process.
 
-Acme pins dm-launchpad 0.5.0, which is not on PyPI.
+Acme 0.4.0 pins dm-launchpad 0.5.0, which is not on PyPI.
 """
+
+
+class Program:
+    """What a distributed experiment would be."""
 
 
 def register_stop_handler(handler) -> None:
