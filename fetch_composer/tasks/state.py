@@ -39,7 +39,7 @@ class State:
         physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`).
         gripper_pose: (7,) position in m and quaternion from which the next action moves the
             gripper; with a free gripper Gymnasium-Robotics reads it one substep late.
-        goal: (3,) desired goal in m.
+        goal: (3,) desired goal in m, or (3 n,) for n objects.
         steps_taken: Control steps since the episode started.
         is_over: Whether the next step starts another episode.
         variations: What was drawn for this episode, by name.
