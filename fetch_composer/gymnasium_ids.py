@@ -37,7 +37,7 @@ def register_all() -> None:
                     id=env_id(task, convention, reward_type),
                     entry_point=_ENTRY_POINT,
                     vector_entry_point=_VECTOR_ENTRY_POINT,
-                    max_episode_steps=tasks.MAX_EPISODE_STEPS,
+                    max_episode_steps=tasks.default_options(task).max_episode_steps,
                     kwargs={'task': task, 'reward_type': reward_type, 'convention': convention},
                 )
 

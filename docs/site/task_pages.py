@@ -74,7 +74,7 @@ def page(name: str) -> str:
         physics_timestep=goal_task.PHYSICS_TIMESTEP,
         substeps=round(task.control_timestep / goal_task.PHYSICS_TIMESTEP),
         threshold=rewards.DISTANCE_THRESHOLD,
-        steps=tasks.MAX_EPISODE_STEPS,
+        steps=task.options.max_episode_steps,
         actions=markdown.table(('Num', 'Action', 'Min', 'Max', 'Unit'), action_rows(name)),
         observations=markdown.table(
             ('Num', 'Observation', 'Min', 'Max', 'Unit', 'Slice'), observation_rows(name)
