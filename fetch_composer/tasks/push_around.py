@@ -18,8 +18,8 @@ _BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
 _BLOCK_MASS = 2.0  # kg
 
 # The wall stands across the table's width, as high as a block: the gripper passes over it.
-_WALL_HALF_SIZE = (0.08, 0.01, 0.025)  # m
-_WALL_CENTRE = (1.3419, 0.7491)  # x and y in m, below the gripper's start.
+WALL_HALF_SIZE = (0.08, 0.01, 0.025)  # m
+WALL_CENTRE = (1.3419, 0.7491)  # x and y in m, below the gripper's start.
 
 # Blocks start on one side of the wall, and goals lie on the other: up to this many m from its
 # centre along x, and between so many along y.
@@ -41,8 +41,8 @@ class PushAround(goal_task.GoalTask):
             size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
         )
         wall = entities.Obstacle(
-            position=(*_WALL_CENTRE, _WORKSPACE.table_top + _WALL_HALF_SIZE[2]),
-            half_size=_WALL_HALF_SIZE,
+            position=(*WALL_CENTRE, _WORKSPACE.table_top + WALL_HALF_SIZE[2]),
+            half_size=WALL_HALF_SIZE,
             name='wall',
         )
         super().__init__(options, _WORKSPACE, (block,), obstacles=(wall,))
@@ -63,6 +63,6 @@ class _BesideWall(variation.Variation):
         along, beside = random_state.uniform(-_ALONG, _ALONG), random_state.uniform(*_BESIDE)
         if initial_value is None:
             side = 1.0 if random_state.uniform() < 0.5 else -1.0
-            return np.add(_WALL_CENTRE, (along, side * beside))
-        side = np.sign(_WALL_CENTRE[1] - initial_value[1])
-        return np.array((*np.add(_WALL_CENTRE, (along, side * beside)), self._height))
+            return np.add(WALL_CENTRE, (along, side * beside))
+        side = np.sign(WALL_CENTRE[1] - initial_value[1])
+        return np.array((*np.add(WALL_CENTRE, (along, side * beside)), self._height))

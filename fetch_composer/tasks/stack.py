@@ -22,7 +22,8 @@ _COLORS = {'lower': (0.1, 0.5, 0.32, 1.0), 'upper': (0.85, 0.55, 0.1, 1.0)}
 _RANGE = 0.15
 # ... blocks no nearer to the gripper than this ...
 _BLOCK_CLEARANCE = 0.1
-# ... and blocks this many m apart, so that fingers fit between them.
+# ... and blocks this many m apart, and the upper one so far from the stack, so that fingers fit
+# between them.
 _APART = 0.12
 
 _EPISODE_STEPS = 100
@@ -51,7 +52,10 @@ class Stack(goal_task.GoalTask):
     def _build_samplers(self):
         place = samplers.OffsetBeyond(self.grip_start, _RANGE, _BLOCK_CLEARANCE)
         goal = samplers.GoalAround(self.grip_start, _RANGE, self.object_height)
-        return samplers.Apart(place, len(self.scene.objects), _APART), _OneOnTheOther(goal)
+        return (
+            samplers.Apart(place, len(self.scene.objects), _APART),
+            _OneOnTheOther(samplers.Apart(goal, 1, _APART)),
+        )
 
 
 class _OneOnTheOther(variation.Variation):
@@ -62,6 +66,6 @@ class _OneOnTheOther(variation.Variation):
 
     def __call__(self, initial_value=None, current_value=None, random_state=None) -> np.ndarray:
         """Returns (6,) in m."""
-        del initial_value, current_value  # Unused.
-        lower = self._sampler(random_state=random_state)
+        del current_value  # Unused.
+        lower = self._sampler(initial_value=initial_value, random_state=random_state)
         return np.concatenate((lower, lower + (0.0, 0.0, 2 * _BLOCK_HALF_SIZE[2])))
