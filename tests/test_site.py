@@ -14,7 +14,7 @@ from fetch_composer import tasks
 from fetch_composer.tasks import layout
 
 _DOCS = pathlib.Path(task_pages.__file__).parents[1]
-_PUBLISHED = task_pages.published()
+_PUBLISHED = tasks.published()
 
 
 @pytest.fixture(scope='module', params=_PUBLISHED)

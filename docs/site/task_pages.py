@@ -29,15 +29,10 @@ _VERSIONS = {
 }
 
 
-def published() -> list[str]:
-    """Returns the names of the tasks that have both conventions, as those of one's own have not."""
-    return [name for name in tasks.ALL if len(tasks.conventions_of(name)) > 1]
-
-
 def write(folder: pathlib.Path) -> None:
-    """Writes a page for each task that is published."""
+    """Writes a page for each task that Gymnasium-Robotics has a page for."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in published():
+    for name in tasks.published():
         (folder / f'{name}.md').write_text(page(name), encoding='utf-8')
 
 

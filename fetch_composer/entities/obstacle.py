@@ -7,6 +7,10 @@ from dm_control import composer, mjcf
 
 from fetch_composer.entities import contacts
 
+# Time constant in s and damping ratio of its contacts: with MuJoCo's own, the robot would press a
+# block into it, and through it.
+_STIFF = (0.004, 1.0)
+
 
 class Obstacle(composer.Entity):
     """A box that nothing moves; the entity's frame is its centre."""
@@ -37,6 +41,8 @@ class Obstacle(composer.Entity):
             type='box',
             size=half_size,
             material=material,
+            solref=_STIFF,
+            priority=1,  # So that this holds whatever touches it.
             **contacts.SCENERY_CONTACT,
         )
 

@@ -14,6 +14,7 @@ from fetch_composer.tasks.registry import (
     default_options,
     make,
     on_register,
+    published,
     register,
 )
 from fetch_composer.tasks.rewards import compute_reward, is_success
@@ -41,6 +42,7 @@ __all__ = (
     'is_success',
     'make',
     'on_register',
+    'published',
     'register',
     'samplers',
     'scene',

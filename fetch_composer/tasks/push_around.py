@@ -17,8 +17,9 @@ _WORKSPACE = scene.Workspace(
 _BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
 _BLOCK_MASS = 2.0  # kg
 
-# The wall stands across the table's width, as high as a block: the gripper passes over it.
-WALL_HALF_SIZE = (0.08, 0.01, 0.025)  # m
+# The wall is a little higher than a block, which would be lifted over a lower one; the gripper
+# passes over it.
+WALL_HALF_SIZE = (0.08, 0.015, 0.03)  # m
 WALL_CENTRE = (1.3419, 0.7491)  # x and y in m, below the gripper's start.
 
 # Blocks start on one side of the wall, and goals lie on the other: up to this many m from its

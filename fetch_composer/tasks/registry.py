@@ -96,6 +96,11 @@ def conventions_of(name: str) -> tuple[str, ...]:
     return task_class(name).conventions
 
 
+def published() -> tuple[str, ...]:
+    """Returns the names of the tasks that Gymnasium-Robotics has too: those with its convention."""
+    return tuple(name for name in ALL if len(conventions_of(name)) > 1)
+
+
 def default_options(name: str) -> TaskOptions:
     """Returns the options of a task of which none is given: its own default, in `__init__`."""
     default = inspect.signature(task_class(name).__init__).parameters['options'].default
