@@ -20,6 +20,7 @@ import numpy as np
 
 import fetch_composer
 from benchmarks import markdown
+from fetch_composer import tasks
 
 _WORKER = pathlib.Path(__file__).parent / 'workers' / 'robotics_episodes.py'
 _OUTPUT = pathlib.Path('build') / 'parity' / 'results.json'
@@ -131,7 +132,7 @@ def _rows(task: str, kind: str, summary: dict) -> list[tuple[str, ...]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--peer', required=True, help="the peer's Python interpreter")
-    parser.add_argument('--tasks', nargs='+', default=fetch_composer.ALL)
+    parser.add_argument('--tasks', nargs='+', default=tasks.published())
     parser.add_argument('--seeds', nargs=2, type=int, default=(3000, 3099))
     parser.add_argument(
         '--write',
@@ -157,7 +158,7 @@ def main() -> None:
     _OUTPUT.parent.mkdir(parents=True, exist_ok=True)
     _OUTPUT.write_text(json.dumps(results, indent=2))
     written = [_OUTPUT]
-    if page is not None and set(arguments.tasks) >= set(fetch_composer.ALL):
+    if page is not None and set(arguments.tasks) >= set(tasks.published()):
         markdown.write_between_markers(page, _TABLE, table)
         written.append(page)
     elif page is not None:

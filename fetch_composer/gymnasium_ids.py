@@ -20,8 +20,7 @@ _VECTOR_ENTRY_POINT = 'fetch_composer.interfaces.gymnasium_vector:FetchVectorEnv
 def env_id(task: str, convention: str = 'documented', reward_type: str = 'sparse') -> str:
     """Returns the id under which Gymnasium knows a task."""
     camel_case = ''.join(word.capitalize() for word in task.split('_'))
-    is_published = tasks.conventions_of(task) == tuple(_VERSIONS)
-    version = _VERSIONS[convention] if is_published else _OWN_VERSION
+    version = _VERSIONS[convention] if task in tasks.published() else _OWN_VERSION
     suffix = _REWARD_SUFFIXES[reward_type]
     return f'{NAMESPACE}/Fetch{camel_case}{suffix}-{version}'
 
@@ -37,7 +36,7 @@ def register_all() -> None:
                     id=env_id(task, convention, reward_type),
                     entry_point=_ENTRY_POINT,
                     vector_entry_point=_VECTOR_ENTRY_POINT,
-                    max_episode_steps=tasks.MAX_EPISODE_STEPS,
+                    max_episode_steps=tasks.default_options(task).max_episode_steps,
                     kwargs={'task': task, 'reward_type': reward_type, 'convention': convention},
                 )
 

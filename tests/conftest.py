@@ -1,4 +1,7 @@
-"""Fixtures: every statement is made about every task and convention."""
+"""Fixtures: every statement is made about every published task, in both conventions.
+
+What holds for tasks of several objects and of obstacles is in test_several_objects.py.
+"""
 
 import os
 
@@ -8,12 +11,13 @@ os.environ.setdefault('MUJOCO_GL', 'egl')
 import pytest  # noqa: E402
 
 import fetch_composer  # noqa: E402
+from fetch_composer import tasks  # noqa: E402
 from fetch_composer.tasks import conventions  # noqa: E402
 
 CONVENTIONS = tuple(conventions.CONVENTIONS)
 
 
-@pytest.fixture(params=fetch_composer.ALL)
+@pytest.fixture(params=tasks.published())
 def task_name(request) -> str:
     return request.param
 
@@ -23,12 +27,12 @@ def convention(request) -> str:
     return request.param
 
 
-@pytest.fixture(params=[name for name in fetch_composer.ALL if name != 'reach'])
+@pytest.fixture(params=[name for name in tasks.published() if name != 'reach'])
 def object_task_name(request) -> str:
     return request.param
 
 
-@pytest.fixture(params=[name for name in fetch_composer.ALL if name != 'pick_and_place'])
+@pytest.fixture(params=[name for name in tasks.published() if name != 'pick_and_place'])
 def locked_task_name(request) -> str:
     return request.param
 

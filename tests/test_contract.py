@@ -11,8 +11,8 @@ from dm_control import suite as dm_suite
 from dm_env import StepType, test_utils
 
 import fetch_composer
-from fetch_composer import suite
-from fetch_composer.tasks import conventions, rewards
+from fetch_composer import suite, tasks
+from fetch_composer.tasks import rewards
 from tests import episodes
 
 
@@ -29,7 +29,7 @@ def _mixin_test(task_name, convention):
 
 
 for _task_name in fetch_composer.ALL:
-    for _convention in conventions.CONVENTIONS:
+    for _convention in tasks.conventions_of(_task_name):
         _test = _mixin_test(_task_name, _convention)
         globals()[_test.__name__] = _test
 del _test
@@ -58,8 +58,9 @@ def test_libraries_that_are_imported_later_know_the_tasks_too():
     assert result.stdout == '(10,)\nTrue True\n', result.stderr
 
 
-def test_all_names_the_four_tasks():
-    assert {'pick_and_place', 'push', 'reach', 'slide'} <= set(fetch_composer.ALL)
+def test_all_names_the_tasks():
+    assert tasks.published() == ('pick_and_place', 'push', 'reach', 'slide')
+    assert {*tasks.published(), 'push_around', 'push_two', 'stack'} <= set(fetch_composer.ALL)
     assert sorted(suite.SUITE) == list(fetch_composer.ALL)
 
 

@@ -156,7 +156,10 @@ def test_evaluating_imports_nothing_that_draws():
 def few(monkeypatch):
     """A thousand episodes would take longer than all else."""
     monkeypatch.setitem(standard.FIXED, 'episodes', 3)
-    monkeypatch.setitem(standard.FIXED, 'max_episode_steps', _STEPS)
+    usual = standard.fixed
+    monkeypatch.setattr(
+        standard, 'fixed', lambda task: {**usual(task), 'max_episode_steps': _STEPS}
+    )
 
 
 def _options(folder, **changes):

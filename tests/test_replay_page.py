@@ -140,7 +140,7 @@ def test_what_the_user_gave_is_text_and_never_markup(text):
     assert any(f'{_EVIL}1' in each for each in page.texts)
 
 
-@pytest.mark.parametrize('task', fetch_composer.ALL)
+@pytest.mark.parametrize('task', ('push', 'reach', 'push_two'))
 def test_every_task_can_be_walked_around_in(task):
     episodes = _episodes(task, 1)
     assert _recordings(_render([replay_page.Take('one', 'one', episodes[0])], task))

@@ -14,7 +14,7 @@ from fetch_composer import tasks
 from fetch_composer.tasks import layout
 
 _DOCS = pathlib.Path(task_pages.__file__).parents[1]
-_PUBLISHED = task_pages.published()
+_PUBLISHED = tasks.published()
 
 
 @pytest.fixture(scope='module', params=_PUBLISHED)
@@ -55,8 +55,7 @@ def test_the_observation_of_a_page_is_that_of_its_task(task):
     rows = task_pages.observation_rows(task)
     spec = fetch_composer.load(task).observation_spec()['observation']
     assert [int(row[0]) for row in rows] == list(range(*spec.shape))
-    has_object = tasks.make(task).scene.block is not None
-    places = layout.WITH_OBJECT if has_object else layout.WITHOUT_OBJECT
+    (places,) = layout.of(len(tasks.make(task).scene.objects))
     spoken = ' '.join(row[1] for row in rows[places.grip_position])
     assert spoken == "gripper's position: x gripper's position: y gripper's position: z"
     assert all(row[4] == 'rad' for row in rows[places.object_rotation])

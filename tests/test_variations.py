@@ -68,7 +68,7 @@ def test_a_varied_object_is_the_object_compiled_that_way(geom_type, size):
     varied = env.physics.model.ptr
 
     task = tasks.make(name)
-    geom = task.scene.block.geom
+    geom = task.scene.objects[0].geom
     geom.size, geom.mass = size, 1.3
     compiled = mjcf.Physics.from_mjcf_model(task.root_entity.mjcf_model).model.ptr
     for field in (

@@ -29,15 +29,10 @@ _VERSIONS = {
 }
 
 
-def published() -> list[str]:
-    """Returns the names of the tasks that have both conventions, as those of one's own have not."""
-    return [name for name in tasks.ALL if len(tasks.conventions_of(name)) > 1]
-
-
 def write(folder: pathlib.Path) -> None:
-    """Writes a page for each task that is published."""
+    """Writes a page for each task that Gymnasium-Robotics has a page for."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in published():
+    for name in tasks.published():
         (folder / f'{name}.md').write_text(page(name), encoding='utf-8')
 
 
@@ -61,7 +56,7 @@ def page(name: str) -> str:
         thing=thing,
         start=start,
         goal=goal,
-        has_object=task.scene.block is not None,
+        has_object=bool(task.scene.objects),
         locked=task.locked_gripper,
         ids={each: gymnasium_ids.env_id(name, each) for each in made},
         dense_id=gymnasium_ids.env_id(name, 'documented', 'dense'),
@@ -74,7 +69,7 @@ def page(name: str) -> str:
         physics_timestep=goal_task.PHYSICS_TIMESTEP,
         substeps=round(task.control_timestep / goal_task.PHYSICS_TIMESTEP),
         threshold=rewards.DISTANCE_THRESHOLD,
-        steps=tasks.MAX_EPISODE_STEPS,
+        steps=task.options.max_episode_steps,
         actions=markdown.table(('Num', 'Action', 'Min', 'Max', 'Unit'), action_rows(name)),
         observations=markdown.table(
             ('Num', 'Observation', 'Min', 'Max', 'Unit', 'Slice'), observation_rows(name)
@@ -103,8 +98,7 @@ def action_rows(name: str) -> Iterator[tuple[str, ...]]:
 
 def observation_rows(name: str) -> list[tuple[str, ...]]:
     """Returns the same of each number of the vector `observation`, and its slice in `layout`."""
-    has_object = tasks.make(name).scene.block is not None
-    places = layout.WITH_OBJECT if has_object else layout.WITHOUT_OBJECT
+    (places,) = layout.of(len(tasks.make(name).scene.objects))
     _, observation_space = _spaces(name)
     space = observation_space['observation']
     rows = {}
@@ -138,7 +132,7 @@ def _start_rows(made: dict[str, goal_task.GoalTask]) -> Iterator[list[str]]:
     yield row("base of the robot's frame, m", (task.workspace.robot_position for task in each))
     yield row('observed gripper, m', (task.grip_start for task in each))
     yield row('surface of the table, z in m', (task.workspace.table_top for task in each))
-    if each[0].scene.block is not None:
+    if each[0].scene.objects:
         yield row("object's centre, z in m", (task.object_height for task in each))
         yield row('its quaternion (w, x, y, z)', (task.options.object_quaternion for task in each))
 
@@ -151,7 +145,7 @@ def _numbers(values) -> str:
 
 
 def _arguments(task: goal_task.GoalTask) -> Iterator[list[str]]:
-    of_objects = () if task.scene.block is not None else ('`object_position`',)
+    of_objects = () if task.scene.objects else ('`object_position`',)
     page = _DOCS / 'tasks.md'
     for row in markdown.rows(page, '| option |'):
         if row[0] not in of_objects:

@@ -80,7 +80,7 @@ class BatchEnvironment:
         if has_pairs:
             contact_pairs.stop_search(self._compiled.physics.model.ptr)
         self._is_closed = False
-        self._starts = task_made.starts
+        self._starts, self._num_goals = task_made.starts, task_made.scene.num_goals
         self._episodes = BatchEpisodes(self._num_envs, task_made)
         self._simulations: simulations.Simulations
         if self._num_envs == 1:
@@ -144,8 +144,9 @@ class BatchEnvironment:
 
         Args:
             ids: Indices of the environments, or a mask of shape (num_envs,); None for all.
-            object_position: (2,) x and y in m at which objects start, or (n, 2) for n ids.
-            goal: (3,) desired goal in m, or (n, 3) for n ids.
+            object_position: (2,) x and y in m at which objects start, or (n, 2) for n ids; with
+                several objects, two numbers for each of them in the place of two.
+            goal: (3,) desired goal in m, or (n, 3) for n ids; three numbers for each object.
             seed: If given, what `seed` is called with first; it seeds every environment.
 
         Returns:
@@ -162,8 +163,10 @@ class BatchEnvironment:
             given = [
                 self._starts.check(*each)
                 for each in zip(
-                    checks.places('object_position', object_position, len(ids), 2),
-                    checks.places('goal', goal, len(ids), 3),
+                    checks.places(
+                        'object_position', object_position, len(ids), 2 * self._num_goals
+                    ),
+                    checks.places('goal', goal, len(ids), 3 * self._num_goals),
                     strict=True,
                 )
             ]

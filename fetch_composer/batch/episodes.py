@@ -16,7 +16,7 @@ class BatchEpisodes:
     """The episodes of the environments of a batch; arrays have a row for each environment.
 
     Attributes:
-        goals: (n, 3) desired goals in m.
+        goals: (n, 3) desired goals in m; with several objects, three numbers for each.
         steps_taken: (n,) control steps since the episode started.
         step_type: (n,) types of the latest time steps.
         is_over: (n,) whether the next step starts another episode.
@@ -31,7 +31,7 @@ class BatchEpisodes:
         """
         self._limit, self._identity = task.options.max_episode_steps, task.identity
         self._starts, self._variations = task.starts, task.variations
-        self.goals = np.zeros((count, 3))
+        self.goals = np.zeros((count, 3 * task.scene.num_goals))
         self.steps_taken = np.zeros(count, dtype=np.int64)
         self.step_type: np.ndarray = np.full(count, dm_env.StepType.LAST)
         self.is_over: np.ndarray = np.ones(count, dtype=bool)
@@ -92,7 +92,7 @@ class BatchEpisodes:
         """Ends the episodes that have come to their goals.
 
         Args:
-            achieved_goal: (n, 3) positions in m.
+            achieved_goal: Positions in m, of the shape of `goals`.
             advanced: (n,) which environments have just advanced; the others do not end.
 
         Returns:

@@ -47,10 +47,10 @@ class Simulations(Protocol):
         """Restores physics and variations of some; `ids` are in order."""
 
     def achieved_goal(self) -> np.ndarray:
-        """Returns (n, 3) positions in m, new arrays."""
+        """Returns (n, 3 objects) positions in m, new arrays."""
 
     def observation(self) -> np.ndarray:
-        """Returns (n, 25) or (n, 10), new arrays, as `layout` has it."""
+        """Returns (n, size), new arrays, as `layout` has it."""
 
 
 _NONE = np.zeros(0, dtype=np.int64)
@@ -146,11 +146,11 @@ class ManySimulations:
         return diverged
 
     def achieved_goal(self) -> np.ndarray:
-        """Returns (n, 3) positions in m, a new array."""
+        """Returns (n, 3 objects) positions in m, a new array."""
         return self._observer.achieved_goal()
 
     def observation(self) -> np.ndarray:
-        """Returns (n, 25) or (n, 10), a new array, as `layout` has it."""
+        """Returns (n, size), a new array, as `layout` has it."""
         return self._observer.observation()
 
 
@@ -228,9 +228,9 @@ class OneSimulation:
         return np.zeros(1, dtype=np.int64)
 
     def achieved_goal(self) -> np.ndarray:
-        """Returns (1, 3) position in m, a new array."""
+        """Returns (1, 3 objects) positions in m, a new array."""
         return self._observer.achieved_goal()[np.newaxis]
 
     def observation(self) -> np.ndarray:
-        """Returns (1, 25) or (1, 10), a new array, as `layout` has it."""
+        """Returns (1, size), a new array, as `layout` has it."""
         return self._observer.observation()[np.newaxis]

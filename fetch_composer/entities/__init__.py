@@ -4,7 +4,18 @@ from fetch_composer.entities.arena import Arena
 from fetch_composer.entities.block import Block
 from fetch_composer.entities.fetch import FetchArm, FetchGripper
 from fetch_composer.entities.mocap import Mocap
+from fetch_composer.entities.obstacle import Obstacle
 from fetch_composer.entities.table import Table
-from fetch_composer.entities.target import Target, target_rgba
+from fetch_composer.entities.target import ACHIEVED_RGBA, Target
 
-__all__ = ('Arena', 'Block', 'FetchArm', 'FetchGripper', 'Mocap', 'Table', 'Target', 'target_rgba')
+__all__ = (
+    'ACHIEVED_RGBA',
+    'Arena',
+    'Block',
+    'FetchArm',
+    'FetchGripper',
+    'Mocap',
+    'Obstacle',
+    'Table',
+    'Target',
+)

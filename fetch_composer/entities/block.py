@@ -78,6 +78,11 @@ class Block(composer.Entity):
         return self._site
 
     @property
+    def rgba(self) -> np.ndarray:
+        """(4,) colour of the block."""
+        return self._geom.material.rgba
+
+    @property
     def half_height(self) -> float:
         """Half of the upright block's height in m."""
         return self._geom.size[1 if self._geom.type == 'cylinder' else 2]

@@ -1,26 +1,29 @@
 """The mark that shows the desired goal."""
 
+from collections.abc import Sequence
+
 from dm_control import composer, mjcf
 from dm_control.composer import define
 from dm_control.composer.observation import observable
 
 _RADIUS = 0.02  # m
 _RED = (0.9, 0.1, 0.1, 1.0)
-_GREEN = (0.2, 0.8, 0.2, 1.0)
-
-
-def target_rgba(achieved: bool) -> tuple[float, ...]:
-    """Returns the colour of a target: green once its goal is achieved."""
-    return _GREEN if achieved else _RED
+ACHIEVED_RGBA = (0.2, 0.8, 0.2, 1.0)  # Of a target once the goal is achieved.
 
 
 class Target(composer.Entity):
     """A sphere that can be seen and not touched."""
 
-    def _build(self, name: str = 'target') -> None:
+    def _build(self, rgba: Sequence[float] = _RED, name: str = 'target') -> None:
+        """Builds the target.
+
+        Args:
+            rgba: Colour while the goal is not achieved.
+            name: Name of the entity.
+        """
         self._mjcf_root = mjcf.RootElement(model=name)
         self._site = self._mjcf_root.worldbody.add(
-            'site', name='target', type='sphere', size=(_RADIUS,), rgba=_RED, group=0
+            'site', name='target', type='sphere', size=(_RADIUS,), rgba=rgba, group=0
         )
 
     def _build_observables(self):

@@ -43,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
     try:
+        from fetch_composer import user_modules
         from fetch_composer.explorer import flags
         from fetch_composer.explorer import run as run_lib
     except ModuleNotFoundError as error:
@@ -61,6 +62,7 @@ def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
         return _fail(f'unexpected argument {others[0]!r}; all options are flags, see --help.')
 
     try:
+        user_modules.load_all(parser['import'].value or ())  # They may bring the task.
         options = flags.make_options(flags.option_values(parser))
         run = run_lib.Run(options, gl_backend, fresh=bool(parser['fresh'].value))
     except (ImportError, ValueError, RuntimeError) as error:

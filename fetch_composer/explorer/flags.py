@@ -15,6 +15,7 @@ from typing import Any
 
 from absl import flags
 
+from fetch_composer import tasks
 from fetch_composer.explorer.options import NOT_EXPLORED, Options
 from fetch_composer.explorer.results import standard
 from fetch_composer.tasks import TaskOptions
@@ -28,6 +29,8 @@ _OF_THE_COMMAND = {
     'help': 'Whether to list the flags, and do nothing else',
 }
 _ATTRIBUTE = re.compile(r'    (\w+): (.*)')
+# Whose default is the task's: its flag has none.
+_OF_EACH_TASK = 'max_episode_steps'
 _ABOUT_NONE = re.compile('; None .*')  # Which a flag is only where it is not given.
 
 
@@ -111,7 +114,7 @@ def _flags_of(options_class: type) -> Iterator[_Flag]:
             field=field.name,
             of_task=of_task,
             kind=_without_none(types_of[field.name]),
-            default=field.default,
+            default=None if field.name == _OF_EACH_TASK else field.default,
             text=texts.get(field.name, ''),
         )
 
@@ -173,13 +176,21 @@ def make_options(values: Mapping[str, Any]) -> Options:
         valid = ', '.join(each.name for each in _FLAGS)
         raise ValueError(f'Unknown option {", ".join(map(repr, unknown))}; valid are {valid}.')
     if values.get('standard'):
-        values = {'films': 'none', **standard.FIXED, **values}
+        fixed = standard.fixed(values.get('task', Options.task))
+        values = {'films': 'none', **fixed, **values}
     fields: dict[bool, dict[str, Any]] = {False: {}, True: {}}
     for each in _FLAGS:
-        if each.name in values:
+        if each.name in values and not (each.name == _OF_EACH_TASK and values[each.name] is None):
             value = values[each.name]
             fields[each.of_task][each.field] = tuple(value) if isinstance(value, list) else value
-    return Options(task_options=TaskOptions(**fields[True]), **fields[False])
+    task_options = dataclasses.replace(
+        _default_options(fields[False].get('task', Options.task)), **fields[True]
+    )
+    return Options(task_options=task_options, **fields[False])
+
+
+def _default_options(task: str) -> TaskOptions:
+    return tasks.default_options(task) if task in tasks.ALL else TaskOptions()
 
 
 def flag_values(options: Options) -> dict[str, Any]:
@@ -203,8 +214,9 @@ def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
         'output_dir': options.folder / f'seed_{seed}',
     }
     words = []
+    defaults = Options(task_options=_default_options(options.task))
     for each in _FLAGS:
-        default = list(each.default) if isinstance(each.default, tuple) else each.default
+        default = each.value(defaults)
         if each.name in values:
             words += each.words(values[each.name])
         elif each.name not in _OF_MANY_EPISODES and each.value(options) != default:

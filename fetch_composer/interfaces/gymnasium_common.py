@@ -81,7 +81,7 @@ class GoalFunctions:
     _task_options: tasks.TaskOptions
 
     def compute_reward(self, achieved_goal, desired_goal, info) -> np.ndarray:
-        """Returns the reward of goals of shape (..., 3); float64, shape (...,)."""
+        """Returns the reward of goals of shape (..., 3 n), for n objects; float64, shape (...,)."""
         del info  # Unused.
         return tasks.compute_reward(achieved_goal, desired_goal, self._task_options.reward_type)
 

@@ -92,7 +92,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
 
     @property
     def goal(self) -> np.ndarray:
-        """(3,) desired goal of the present episode in m."""
+        """(3,), or (3 n,) for n objects: desired goal of the present episode in m."""
         return self._env.task.goal
 
     @property
@@ -124,7 +124,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         Args:
             seed: If given, the episode and those that follow are those of this seed.
             options: `object_position`, (2,) x and y in m, and `goal`, (3,) in m, where they are
-                not to be sampled.
+                not to be sampled; with several objects, two and three numbers for each.
 
         Raises:
             ValueError: if an option is unknown or a place cannot be; nothing has changed.

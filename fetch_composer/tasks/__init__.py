@@ -5,11 +5,22 @@ from fetch_composer.tasks.goal_task import GoalTask
 from fetch_composer.tasks.options import MAX_EPISODE_STEPS, TaskOptions
 from fetch_composer.tasks.pick_and_place import PickAndPlace
 from fetch_composer.tasks.push import Push
+from fetch_composer.tasks.push_around import PushAround
+from fetch_composer.tasks.push_two import PushTwo
 from fetch_composer.tasks.reach import Reach
-from fetch_composer.tasks.registry import ALL, conventions_of, make, on_register, register
+from fetch_composer.tasks.registry import (
+    ALL,
+    conventions_of,
+    default_options,
+    make,
+    on_register,
+    published,
+    register,
+)
 from fetch_composer.tasks.rewards import compute_reward, is_success
 from fetch_composer.tasks.scene import Workspace
 from fetch_composer.tasks.slide import Slide
+from fetch_composer.tasks.stack import Stack
 
 __all__ = (
     'ALL',
@@ -17,16 +28,21 @@ __all__ = (
     'GoalTask',
     'PickAndPlace',
     'Push',
+    'PushAround',
+    'PushTwo',
     'Reach',
     'Slide',
+    'Stack',
     'TaskOptions',
     'Workspace',
     'compute_reward',
     'conventions',
     'conventions_of',
+    'default_options',
     'is_success',
     'make',
     'on_register',
+    'published',
     'register',
     'samplers',
     'scene',

@@ -15,54 +15,54 @@ class Addresses:
     Attributes:
         gripper_link: Id of the body that is welded to the mocap body.
         mocap: Index of the mocap body.
-        target: Id of the target's body.
+        targets: Id of the body of each target.
+        target_sites: Id of the site of each target.
         grip_site: Id of the gripper's observed site.
-        object_site: Id of the object's observed site, or None.
+        object_sites: Id of each object's observed site.
         arm_qpos: (7,) positions of the arm's joints in qpos.
         finger_qpos: The right and the left finger's joint in qpos; empty if they are rigid.
         finger_qvel: The same in qvel.
-        object_qpos: The object's pose in qpos; empty without one.
-        object_qvel: The object's velocity in qvel; empty without one.
+        object_qpos: Each object's pose in qpos.
+        object_qvel: Each object's velocity in qvel.
     """
 
     gripper_link: int
     mocap: int
-    target: int
+    targets: np.ndarray
+    target_sites: np.ndarray
     grip_site: int
-    object_site: int | None
+    object_sites: tuple[int, ...]
     arm_qpos: np.ndarray
     finger_qpos: slice
     finger_qvel: slice
-    object_qpos: slice
-    object_qvel: slice
+    object_qpos: tuple[slice, ...]
+    object_qvel: tuple[slice, ...]
 
     @classmethod
     def of(cls, scene: Scene, physics: mjcf.Physics) -> 'Addresses':
         """Returns the addresses of a scene in `physics`, which was compiled from it."""
         model = physics.model.ptr
-        finger_qpos = finger_qvel = object_qpos = object_qvel = slice(0)
-        object_site = None
+        finger_qpos = finger_qvel = slice(0)
         if scene.gripper.joints:
             right, left = (physics.bind(joint).element_id for joint in scene.gripper.joints)
             assert left == right + 1, 'Both fingers are read and written as one slice.'
             finger_qpos = _slice(model.jnt_qposadr[right], 2)
             finger_qvel = _slice(model.jnt_dofadr[right], 2)
-        if scene.block is not None:
-            joint = physics.bind(scene.block_joint).element_id
-            object_qpos = _slice(model.jnt_qposadr[joint], 7)
-            object_qvel = _slice(model.jnt_dofadr[joint], 6)
-            object_site = physics.bind(scene.block.site).element_id
+        joints = [physics.bind(joint).element_id for joint in scene.object_joints]
         return cls(
             gripper_link=physics.bind(scene.gripper.gripper_link).element_id,
             mocap=model.body_mocapid[model.body(scene.mocap_frame.full_identifier).id],
-            target=model.body(scene.target_frame.full_identifier).id,
+            targets=np.array(
+                [model.body(frame.full_identifier).id for frame in scene.target_frames]
+            ),
+            target_sites=np.array([physics.bind(each.site).element_id for each in scene.targets]),
             grip_site=physics.bind(scene.gripper.tool_center_point).element_id,
-            object_site=object_site,
+            object_sites=tuple(physics.bind(each.site).element_id for each in scene.objects),
             arm_qpos=model.jnt_qposadr[physics.bind(scene.arm.joints).element_id],
             finger_qpos=finger_qpos,
             finger_qvel=finger_qvel,
-            object_qpos=object_qpos,
-            object_qvel=object_qvel,
+            object_qpos=tuple(_slice(model.jnt_qposadr[joint], 7) for joint in joints),
+            object_qvel=tuple(_slice(model.jnt_dofadr[joint], 6) for joint in joints),
         )
 
 

@@ -1,4 +1,4 @@
-"""The scene with object and gripper at the goal, for pictures of it."""
+"""The scene with objects and gripper at the goal, for pictures of it."""
 
 from collections.abc import Sequence
 
@@ -21,9 +21,10 @@ _MAX_ERROR = 1e-4  # m and rad
 class GoalScene:
     """A simulation beside that of a task, which nothing steps.
 
-    They share their model, and so the target and whatever varies. The object is at the goal. A
-    free gripper holds it, a locked one stands on it; without an object the gripper is at the goal
-    itself. Where the gripper cannot be, as at the goals of Slide, it is where episodes start.
+    They share their model, and so the targets and whatever varies. The objects are at their goals.
+    A free gripper holds the last of them, a locked one stands on it; without any the gripper is at
+    the goal itself. Where the gripper cannot be, as at the goals of Slide, it is where episodes
+    start.
     """
 
     def __init__(
@@ -51,20 +52,24 @@ class GoalScene:
         self._locked_gripper = locked_gripper
 
     def show(self, start: Start) -> None:
-        """Places object and gripper at the goal of an episode, if one has started."""
+        """Places objects and gripper at the goal of an episode, if one has started."""
         if start.goal is None:
             return
-        data, addresses, block = self.physics.data, self._addresses, self._scene.block
-        grip_position = start.goal
-        if block is None:
-            self._reach(start.goal)
+        data, addresses = self.physics.data, self._addresses
+        places = start.goal.reshape(-1, 3)
+        grip_position = places[-1]
+        if not self._scene.objects:
+            self._reach(grip_position)
         else:
-            _, half_width, half_height = self._variations.half_extents(start.variations)
+            _, half_width, half_height = self._variations.half_extents(start.variations)[-1]
             if self._locked_gripper:
-                grip_position = start.goal + (0.0, 0.0, half_height + FINGERTIP_DEPTH)
+                grip_position = grip_position + (0.0, 0.0, half_height + FINGERTIP_DEPTH)
             if self._reach(grip_position) and not self._locked_gripper:
                 data.qpos[addresses.finger_qpos] = half_width
-            data.qpos[addresses.object_qpos] = (*start.goal, *block.quaternion)
+            for each, place, where in zip(
+                self._scene.objects, places, addresses.object_qpos, strict=True
+            ):
+                data.qpos[where] = (*place, *each.quaternion)
         self._update()
 
     def _reach(self, position: np.ndarray) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
-from dm_control import composer
 from dm_control.composer import variation
 from dm_env import specs
 
@@ -16,13 +15,13 @@ from fetch_composer.tasks import (
     drive,
     observation,
     pixels,
-    rewards,
     scene,
     seeding,
     starts,
 )
 from fetch_composer.tasks import state as state_lib
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.goal_conditioned import GoalConditionedTask
 from fetch_composer.tasks.goal_scene import GoalScene
 from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.options import TaskOptions
@@ -35,25 +34,21 @@ PHYSICS_TIMESTEP = 0.002  # s
 _SAME_POSE = 1e-9  # m
 
 
-class GoalTask(composer.Task):
+class GoalTask(GoalConditionedTask):
     """Move the gripper by small displacements so that a goal is achieved, and keep it so.
 
-    A subclass names its workspace, brings its object and says how starts and goals are sampled.
-    The task is continuing, so that an episode is only ever truncated, with discount 1; unless
-    `terminate_on_success` is chosen, which ends it at the goal, with discount 0.
+    A subclass names its workspace, brings its objects and says how starts and goals are sampled.
 
     Attributes:
         name: Name under which the task is registered.
         identity: What a state must share with it, once it is compiled.
         conventions: Names of the conventions that it has.
-        options: The options that it was given.
         convention: The choices that its convention makes.
         workspace: Where things are.
         scene: Its entities.
         starts: Where its episodes start.
         variations: What differs between episodes beyond start and goal.
         random: What the environment draws from, as the tasks of dm_control's suite have it.
-        visualize_reward: Whether the target changes colour while the goal is achieved.
     """
 
     name = 'unregistered'
@@ -64,7 +59,8 @@ class GoalTask(composer.Task):
         self,
         options: TaskOptions,
         workspace: scene.Workspace,
-        block: entities.Block | None = None,
+        objects: Sequence[entities.Block] = (),
+        obstacles: Sequence[entities.Obstacle] = (),
         locked_gripper: bool = True,
         settled: SettledState | None = None,
     ) -> None:
@@ -73,14 +69,16 @@ class GoalTask(composer.Task):
         Args:
             options: What was chosen.
             workspace: Where things are.
-            block: The object, or None if the gripper itself is to be at the goal.
+            objects: What is to be at the goal, each at a place of its own; if there is nothing,
+                the gripper itself.
+            obstacles: What stands fixed on the table.
             locked_gripper: Whether the gripper stays closed.
-            settled: Where Gymnasium-Robotics starts this very task; needed for its convention.
+            settled: Where Gymnasium-Robotics starts this very task, of at most one object; needed
+                for its convention.
 
         Raises:
             ValueError: if an option is not valid for this task; the message says what would be.
         """
-        self.options = options
         self.convention = conventions.CONVENTIONS[options.convention]
         if options.convention not in self.conventions:
             raise ValueError(
@@ -89,9 +87,9 @@ class GoalTask(composer.Task):
             )
         self.workspace = workspace
         self.locked_gripper = locked_gripper
-        self.visualize_reward = False
         self._settled = settled
-        self.scene = scene.Scene(workspace, self.convention, block, locked_gripper)
+        self.scene = scene.Scene(workspace, self.convention, objects, obstacles, locked_gripper)
+        super().__init__(options, self.scene.num_goals)
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=PHYSICS_TIMESTEP)
         self._task_observables = self._build_task_observables()
         self.variations = Variations(
@@ -100,25 +98,26 @@ class GoalTask(composer.Task):
         self.starts = starts.EpisodeStarts(
             self.scene,
             self.grip_start,
-            self.object_height,
+            self.object_heights,
             *self._build_samplers(),
             self.variations,
             settled if self.convention.settled_start else None,
         )
         self.starts.fix(self.starts.check(options.object_position, options.goal))
         self._next_episode = self._start = starts.Start()
-        self._goal: np.ndarray = np.zeros(3)
-        self._steps_taken = 0
 
     def _build_samplers(self) -> tuple[variation.Variation | None, variation.Variation]:
-        """Returns what samples the object's x and y (None without one) and the desired goal."""
+        """Returns what samples the objects' x and y (None without any) and the desired goal.
+
+        They are drawn in the order of the objects: (2 n,) and (3 n,) numbers in m.
+        """
         raise NotImplementedError
 
     def _build_task_observables(self):
         observables = collections.OrderedDict(
             observation=FreshObservable(lambda: self._observer.observation()),
             achieved_goal=FreshObservable(lambda: self._observer.achieved_goal()),
-            desired_goal=FreshObservable(lambda: self._goal.copy()),
+            desired_goal=FreshObservable(lambda: self._goal.position),
         )
         for each in observables.values():
             each.enabled = True
@@ -158,13 +157,16 @@ class GoalTask(composer.Task):
         return np.array(self.workspace.gripper_position) - (0, 0, grip_ahead)
 
     @property
+    def object_heights(self) -> tuple[float, ...]:
+        """Height in m at which the centre of each object rests on the table."""
+        if self._settled is not None and self._settled.object_height is not None:
+            return (self._settled.object_height,)
+        return tuple(self.workspace.table_top + each.half_height for each in self.scene.objects)
+
+    @property
     def object_height(self) -> float | None:
-        """Height in m at which the centre of the object rests on the table; None without one."""
-        if self.scene.block is None:
-            return None
-        if self._settled is not None:
-            return self._settled.object_height
-        return self.workspace.table_top + self.scene.block.half_height
+        """That of the first object; None without one."""
+        return next(iter(self.object_heights), None)
 
     def set_next_episode(
         self,
@@ -176,8 +178,8 @@ class GoalTask(composer.Task):
         Whatever is not given is sampled, and is the same as if nothing had been given.
 
         Args:
-            object_position: (2,) x and y in m at which the object starts.
-            goal: (3,) desired goal in m.
+            object_position: (2,) x and y in m at which the object starts; (2 n,) for n objects.
+            goal: (3,) desired goal in m; (3 n,) for n objects.
 
         Raises:
             ValueError: if a place cannot be; nothing has changed.
@@ -203,8 +205,10 @@ class GoalTask(composer.Task):
         )
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
-        self._target_rgba = model.site_rgba[physics.bind(self.scene.target.site).element_id]
-        self.identity = state_lib.identity(self.name, self.options.convention, model)
+        self._goal.compile(model, self.addresses, self._observer)
+        self.identity = state_lib.identity(
+            self.name, self.options.convention, model, self.scene.num_goals
+        )
         self.starts.compile(physics, self.addresses)
         self.close()
         if any(
@@ -229,12 +233,9 @@ class GoalTask(composer.Task):
         self._start, self._next_episode = start, starts.Start()
         self._steps_taken = 0
         self._drive.place(state)
-        self._set_goal(start.goal)
-        self._target_rgba[:] = entities.target_rgba(achieved=False)
-
-    def _set_goal(self, goal: np.ndarray | None) -> None:
-        self._goal = np.array(goal, dtype=np.float64)
-        self._model.body_pos[self.addresses.target] = self._goal
+        assert start.goal is not None, 'One is drawn.'
+        self._goal.set(start.goal)
+        self._goal.show(achieved=False)
 
     def _vary(self, physics, values: Mapping[str, np.ndarray]) -> None:
         self.variations.write(values, self._varied)
@@ -253,7 +254,7 @@ class GoalTask(composer.Task):
             **self.identity.names,
             physics=state_lib.get_physics(self._model, self._data),
             gripper_pose=self._drive.gripper_pose(),
-            goal=self._goal.copy(),
+            goal=self._goal.position,
             steps_taken=self._steps_taken,
             is_over=is_over,
             variations=self._start.variations,
@@ -275,7 +276,7 @@ class GoalTask(composer.Task):
         random_state.set_state(dict(state.generator))
         if state.variations:
             self._vary(physics, state.variations)
-        self._set_goal(state.goal)  # Before the physics, which puts the target there.
+        self._goal.set(state.goal)  # Before the physics, which puts the target there.
         state_lib.set_physics(self._model, self._data, state.physics)
         self._drive.set_gripper_pose(state.gripper_pose)
         link = self.addresses.gripper_link
@@ -284,7 +285,7 @@ class GoalTask(composer.Task):
             # Positions were those of one substep earlier, and pictures show them.
             drive.fall_behind(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-        self._start = starts.Start(goal=self._goal, variations=state.variations)
+        self._start = starts.Start(goal=self._goal.position, variations=state.variations)
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
 
@@ -301,50 +302,8 @@ class GoalTask(composer.Task):
             drive.refresh(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
         if self.visualize_reward:
-            self._target_rgba[:] = entities.target_rgba(self.is_success())
+            self._goal.show(self.is_success())
 
     def action_spec(self, physics) -> specs.BoundedArray:
         del physics  # Unused.
         return drive.ACTION_SPEC
-
-    def get_reward_spec(self) -> specs.Array:
-        if self.options.reward_type == 'sparse':
-            return specs.BoundedArray((), np.float64, minimum=-1, maximum=0, name='reward')
-        # Without the bound of -inf, which `generate_value` would return.
-        return specs.Array((), np.float64, name='reward')
-
-    def get_reward(self, physics) -> float:
-        del physics  # Unused.
-        return rewards.reward_of_distance(self._distance(), self.options.reward_type)
-
-    @property
-    def goal(self) -> np.ndarray:
-        """(3,) desired goal of the present episode in m; a copy."""
-        return self._goal.copy()
-
-    def is_success(self) -> bool:
-        """Returns whether the goal is achieved now: whether it is less than 0.05 m away."""
-        return self._distance() < rewards.DISTANCE_THRESHOLD
-
-    def _distance(self) -> float:
-        """Returns the distance in m to the desired goal."""
-        return rewards.distance_of_one(
-            self._observer.achieved_position.tolist(), self._goal.tolist()
-        )
-
-    def is_terminated(self) -> bool:
-        """Returns whether the episode ends because the goal is achieved now."""
-        return self.options.terminate_on_success and self.is_success()
-
-    def is_truncated(self) -> bool:
-        """Returns whether the episode has taken all of its steps."""
-        limit = self.options.max_episode_steps
-        return limit is not None and self._steps_taken >= limit
-
-    def should_terminate_episode(self, physics) -> bool:
-        del physics  # Unused.
-        return self.is_truncated() or self.is_terminated()
-
-    def get_discount(self, physics) -> float:
-        del physics  # Unused.
-        return 0.0 if self.is_terminated() else 1.0

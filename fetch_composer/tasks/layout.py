@@ -13,8 +13,12 @@
 
 Positions are in m, angles in rad, all in global coordinates; velocities are multiplied by the
 control timestep, so that they are in m or rad per control step.
+
+With several objects the gripper's ten numbers come first, as without one; then the fifteen of each
+object follow, in the order of the objects: position, difference, rotation, both velocities.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 _ABSENT = slice(0)
@@ -55,3 +59,31 @@ WITHOUT_OBJECT = Layout(
     grip_velocity=slice(5, 8),
     finger_velocities=slice(8, 10),
 )
+
+_OF_AN_OBJECT = (
+    'object_position', 'relative_position', 'object_rotation', 'object_velocity', 'object_spin'
+)  # fmt: skip
+_AXES = 3
+
+
+def of(count: int) -> tuple[Layout, ...]:
+    """Returns a layout for each of `count` objects: where it is, and where the gripper is.
+
+    Without an object there is one, that of the gripper alone.
+    """
+    if not count:
+        return (WITHOUT_OBJECT,)
+    if count == 1:
+        return (WITH_OBJECT,)
+    size = WITHOUT_OBJECT.size + count * len(_OF_AN_OBJECT) * _AXES
+    return tuple(_of_several(count, size))
+
+
+def _of_several(count: int, size: int) -> Iterator[Layout]:
+    start = WITHOUT_OBJECT.size
+    for _ in range(count):
+        places = {}
+        for name in _OF_AN_OBJECT:
+            places[name] = slice(start, start + _AXES)
+            start += _AXES
+        yield WITHOUT_OBJECT._replace(size=size, **places)

@@ -1,4 +1,4 @@
-"""What a goal task observes of the gripper and the object, in the order of `layout`.
+"""What a goal task observes of the gripper and the objects, in the order of `layout`.
 
 There are two observers, one fast for one simulation and one fast for many.
 """
@@ -80,11 +80,10 @@ class GoalObserver:
             current: Whether the velocities of bodies are up to date, as `mj_comVel` leaves them.
                 If not, they follow from the state's velocities and the joints' axes at hand.
         """
-        grip_site, object_site = addresses.grip_site, addresses.object_site
+        grip_site, object_sites = addresses.grip_site, addresses.object_sites
         self._model = model
         self._data = data
         self._grip_site = grip_site
-        self._object_site = object_site
         self._timestep = control_timestep
         self._sense = 1.0 if object_minus_gripper else -1.0
         self._grip_position = data.site_xpos[grip_site]
@@ -92,20 +91,27 @@ class GoalObserver:
         self._finger_velocities = data.qvel[addresses.finger_qvel]
         self._velocity = self._velocity_of_body if current else self._velocity_by_axes
         self._spatial = np.zeros(6)
-        sites = (grip_site,) if object_site is None else (grip_site, object_site)
-        self._movers = {site: _movers(model, site) for site in sites}
-        # Position of the object or, without one, of the gripper: (3,) in m, live.
-        self.achieved_position = self._grip_position
-        if object_site is not None:
-            self.achieved_position = data.site_xpos[object_site]
-            self._object_xmat = data.site_xmat[object_site]
+        self._movers = {site: _movers(model, site) for site in (grip_site, *object_sites)}
+        # Site, position and rotation matrix of each object; the latter two are live.
+        self._objects = [
+            (site, data.site_xpos[site], data.site_xmat[site]) for site in object_sites
+        ]
+        self._achieved = [position for _, position, _ in self._objects] or [self._grip_position]
 
     def achieved_goal(self) -> np.ndarray:
-        """Returns (3,) position in m of the object or, without one, of the gripper."""
-        return self.achieved_position.copy()
+        """Returns (3 n,) positions in m of the objects or, without one, of the gripper."""
+        if len(self._achieved) == 1:
+            return self._achieved[0].copy()
+        return np.concatenate(self._achieved)
+
+    def achieved(self) -> list[float]:
+        """Returns the same as plain floats."""
+        if len(self._achieved) == 1:
+            return self._achieved[0].tolist()
+        return np.concatenate(self._achieved).tolist()
 
     def observation(self) -> np.ndarray:
-        """Returns (25,) or, without an object, (10,) float64, as `layout` has it."""
+        """Returns (n,) float64, as `layout` has it."""
         # Plain floats: for so few numbers each operation on an array costs more than all of these.
         sense, dt = self._sense, self._timestep
         gx, gy, gz = self._grip_position.tolist()
@@ -116,13 +122,23 @@ class GoalObserver:
             fx, fy = self._fingers.tolist()
             fu, fv = self._finger_velocities.tolist()
             fu, fv = fu * dt, fv * dt
-        if self._object_site is None:
-            return np.array((gx, gy, gz, fx, fy, vx, vy, vz, fu, fv))
-        x, y, z = self.achieved_position.tolist()
-        wx, wy, wz, ux, uy, uz = self._velocity(self._object_site)
+        if len(self._objects) != 1:
+            of_objects: list[float] = []
+            for site, position, xmat in self._objects:
+                x, y, z = position.tolist()
+                wx, wy, wz, ux, uy, uz = self._velocity(site)
+                of_objects += (
+                    x, y, z, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense,
+                    *euler_xyz(xmat.tolist()),
+                    ux * dt - vx, uy * dt - vy, uz * dt - vz, wx * dt, wy * dt, wz * dt,
+                )  # fmt: skip
+            return np.array([gx, gy, gz, fx, fy, vx, vy, vz, fu, fv, *of_objects])
+        site, position, xmat = self._objects[0]
+        x, y, z = position.tolist()
+        wx, wy, wz, ux, uy, uz = self._velocity(site)
         return np.array((
             gx, gy, gz, x, y, z, (x - gx) * sense, (y - gy) * sense, (z - gz) * sense, fx, fy,
-            *euler_xyz(self._object_xmat.tolist()),
+            *euler_xyz(xmat.tolist()),
             ux * dt - vx, uy * dt - vy, uz * dt - vz, wx * dt, wy * dt, wz * dt,
             vx, vy, vz, fu, fv,
         ))  # fmt: skip
@@ -210,40 +226,42 @@ class BatchObserver:
         object_minus_gripper: bool,
     ) -> None:
         """Initializes the observer; the arguments are those of `GoalObserver`."""
-        grip_site, object_site = addresses.grip_site, addresses.object_site
+        grip_site, object_sites = addresses.grip_site, addresses.object_sites
         self._num_sims = sims.nsim
         self._timestep = control_timestep
         self._sense = 1.0 if object_minus_gripper else -1.0
-        self._layout = layout.WITHOUT_OBJECT if object_site is None else layout.WITH_OBJECT
+        self._layouts = layout.of(len(object_sites))
         self._fingers = sims.bind('qpos')[:, addresses.finger_qpos]
         self._finger_velocities = sims.bind('qvel')[:, addresses.finger_qvel]
-        self._has_object = object_site is not None
-        sites = [grip_site] if object_site is None else [grip_site, object_site]
-        self._motions = _SiteMotions(model, sims, sites)
-        self._grip_position = sims.bind('site_xpos')[:, grip_site]
-        self._achieved_position = sims.bind('site_xpos')[:, sites[-1]]
-        self._object_xmat = sims.bind('site_xmat')[:, sites[-1]]
+        self._motions = _SiteMotions(model, sims, [grip_site, *object_sites])
+        positions, xmats = sims.bind('site_xpos'), sims.bind('site_xmat')
+        self._grip_position = positions[:, grip_site]
+        self._objects = [(positions[:, site], xmats[:, site]) for site in object_sites]
+        self._achieved = [position for position, _ in self._objects] or [self._grip_position]
 
     def achieved_goal(self) -> np.ndarray:
-        """Returns (n, 3) positions in m of the objects or, without one, of the grippers."""
-        return self._achieved_position.copy()
+        """Returns (n, 3 objects) positions in m of objects or, without one, of grippers."""
+        if len(self._achieved) == 1:
+            return self._achieved[0].copy()
+        return np.concatenate(self._achieved, axis=1)
 
     def observation(self) -> np.ndarray:
-        """Returns (n, 25) or, without an object, (n, 10) float64, as `layout` has it."""
-        at, dt = self._layout, self._timestep
+        """Returns (n, size) float64, as `layout` has it."""
+        at, dt = self._layouts[0], self._timestep
         out = np.zeros((self._num_sims, at.size))
         linear, angular = self._motions.velocities()
         linear *= dt
         out[:, at.grip_position] = self._grip_position
         out[:, at.grip_velocity] = linear[:, 0].T
-        if self._has_object:
-            out[:, at.object_position] = self._achieved_position
-            relative = out[:, at.relative_position]
-            np.subtract(self._achieved_position, self._grip_position, out=relative)
+        for i, (position, xmat) in enumerate(self._objects):
+            place = self._layouts[i]
+            out[:, place.object_position] = position
+            relative = out[:, place.relative_position]
+            np.subtract(position, self._grip_position, out=relative)
             relative *= self._sense
-            out[:, at.object_rotation] = euler_xyz_batch(self._object_xmat)
-            np.subtract(linear[:, 1].T, linear[:, 0].T, out=out[:, at.object_velocity])
-            np.multiply(angular[:, 1].T, dt, out=out[:, at.object_spin])
+            out[:, place.object_rotation] = euler_xyz_batch(xmat)
+            np.subtract(linear[:, 1 + i].T, linear[:, 0].T, out=out[:, place.object_velocity])
+            np.multiply(angular[:, 1 + i].T, dt, out=out[:, place.object_spin])
         if self._fingers.size:
             out[:, at.fingers] = self._fingers
             np.multiply(self._finger_velocities, dt, out=out[:, at.finger_velocities])

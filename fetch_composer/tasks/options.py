@@ -20,8 +20,9 @@ class TaskOptions:
         terminate_on_success: Whether an episode ends as soon as its goal is achieved, with
             discount 0.
         convention: 'documented' or 'gymnasium_robotics'.
-        object_position: (2,) x and y in m at which the object starts in every episode.
-        goal: (3,) desired goal in m of every episode.
+        object_position: (2,) x and y in m at which the object starts in every episode; with several
+            objects, two numbers for each.
+        goal: (3,) desired goal in m of every episode; with several objects, three for each.
         observation_mode: 'features' for the vector `observation`, 'pixels' for what cameras see
             in its place, or 'features+pixels' for both.
         pixels: {option: value} of `PixelOptions`.

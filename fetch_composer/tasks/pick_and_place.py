@@ -39,7 +39,7 @@ class PickAndPlace(goal_task.GoalTask):
         super().__init__(
             options,
             _WORKSPACE,
-            block,
+            (block,),
             locked_gripper=False,
             settled=settled.load('pick_and_place'),
         )

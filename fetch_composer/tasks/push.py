@@ -32,7 +32,7 @@ class Push(goal_task.GoalTask):
         block = entities.Block(
             size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
         )
-        super().__init__(options, _WORKSPACE, block, settled=settled.load('push'))
+        super().__init__(options, _WORKSPACE, (block,), settled=settled.load('push'))
 
     def _build_samplers(self):
         return (

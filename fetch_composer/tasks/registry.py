@@ -1,5 +1,6 @@
 """The tasks by name, and what follows when there is a new one."""
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -95,6 +96,17 @@ def conventions_of(name: str) -> tuple[str, ...]:
     return task_class(name).conventions
 
 
+def published() -> tuple[str, ...]:
+    """Returns the names of the tasks that Gymnasium-Robotics has too: those with its convention."""
+    return tuple(name for name in ALL if len(conventions_of(name)) > 1)
+
+
+def default_options(name: str) -> TaskOptions:
+    """Returns the options of a task of which none is given: its own default, in `__init__`."""
+    default = inspect.signature(task_class(name).__init__).parameters['options'].default
+    return default if isinstance(default, TaskOptions) else TaskOptions()
+
+
 def options(name: str) -> tuple[str, ...]:
     """Returns the names of the options that a task takes: everyone's, and its own."""
     own = set(inspect.signature(task_class(name).__init__).parameters) - {'self', 'options'}
@@ -120,4 +132,4 @@ def make(name: str, **task_kwargs) -> GoalTask:
             f'valid are {", ".join(valid)}.'
         )
     common = {key: task_kwargs.pop(key) for key in NAMES if key in task_kwargs}
-    return _TASKS[name](TaskOptions(**common), **task_kwargs)
+    return _TASKS[name](dataclasses.replace(default_options(name), **common), **task_kwargs)

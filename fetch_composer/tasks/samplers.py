@@ -84,3 +84,46 @@ class GoalAround(variation.Variation):
         if self._air_probability and random_state.uniform() < self._air_probability:
             goal[2] += random_state.uniform(0, self._air_height)
         return goal
+
+
+class Apart(variation.Variation):
+    """Places of several objects, or of their goals, each drawn alike and apart from the others."""
+
+    def __init__(self, sampler: variation.Variation, count: int, distance: float) -> None:
+        """Initializes the sampler.
+
+        Args:
+            sampler: Draws a place: (2,) or (3,) in m.
+            count: How many places.
+            distance: In the plane of the table places are at least so many m apart, and goals as
+                far from where the other objects start.
+        """
+        self._sampler = sampler
+        self._count = count
+        self._distance = distance
+
+    def __call__(self, initial_value=None, current_value=None, random_state=None) -> np.ndarray:
+        """Returns (2 count,) or (3 count,) in m.
+
+        Args:
+            initial_value: (2 count,) x and y in m at which the objects start, if they are not what
+                is drawn.
+            current_value: Unused.
+            random_state: What to draw from.
+        """
+        del current_value  # Unused.
+        starts = np.reshape([] if initial_value is None else initial_value, (-1, 2))
+        for _ in range(_MAX_REJECTIONS):
+            places = [self._sampler(random_state=random_state) for _ in range(self._count)]
+            if self._are_apart(places, starts):
+                return np.concatenate(places)
+        raise RuntimeError(
+            f'{self._count} places at least {self._distance} m apart were not found in '
+            f'{_MAX_REJECTIONS} draws; lower the distance or widen the range.'
+        )
+
+    def _are_apart(self, places: list[np.ndarray], starts: np.ndarray) -> bool:
+        pairs = [(one, other) for i, one in enumerate(places) for other in places[:i]]
+        for i, start in enumerate(starts):
+            pairs += [(place, start) for j, place in enumerate(places) if j != i]
+        return all(np.linalg.norm(one[:2] - other[:2]) >= self._distance for one, other in pairs)

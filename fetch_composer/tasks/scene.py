@@ -1,4 +1,4 @@
-"""The scene of a goal task: a Fetch at a table, the handle that moves it, and a target."""
+"""The scene of a goal task: a Fetch at a table, the handle that moves it, objects and targets."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -39,37 +39,52 @@ class Workspace:
         """Height of the table's surface in m."""
         return self.table_position[2] + self.table_half_size[2]
 
-    def check_object_position(self, position: Sequence[float]) -> np.ndarray:
-        """Returns (2,) x and y as an array.
+    def check_object_position(self, position: Sequence[float], count: int) -> np.ndarray:
+        """Returns x and y of each of `count` objects, (2 count,), as an array.
 
         Raises:
-            ValueError: if they are not two finite numbers on the table.
+            ValueError: if they are not two finite numbers for each, on the table.
         """
         centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
         lower, upper = centre - half_size, centre + half_size
-        return checks.place('object_position', position, lower[:2], upper[:2])
+        return checks.place(
+            'object_position', position, np.tile(lower[:2], count), np.tile(upper[:2], count)
+        )
 
-    def check_goal(self, goal: Sequence[float]) -> np.ndarray:
-        """Returns (3,) x, y and z as an array.
+    def check_goal(self, goal: Sequence[float], count: int) -> np.ndarray:
+        """Returns x, y and z of each of `count` goals, (3 count,), as an array.
 
         Raises:
-            ValueError: if they are not three finite numbers on or above the table.
+            ValueError: if they are not three finite numbers for each, on or above the table.
         """
         centre, half_size = np.array(self.table_position), np.array(self.table_half_size)
         lower, upper = centre - half_size, centre + half_size
         lower[2] = upper[2] - _GOAL_BELOW_TABLE
         upper[2] = upper[2] + _GOAL_ABOVE_TABLE
-        return checks.place('goal', goal, lower, upper)
+        return checks.place('goal', goal, np.tile(lower, count), np.tile(upper, count))
 
 
 class Scene:
-    """The entities of a goal task, attached to one another as a convention asks."""
+    """The entities of a goal task, attached to one another as a convention asks.
+
+    Attributes:
+        workspace: Where things are.
+        arena: The room, to which all else is attached.
+        arm: The robot's arm.
+        gripper: Its gripper.
+        table: The table.
+        targets: A mark for each goal: that of each object or, without any, of the gripper.
+        objects: What is moved to the goals.
+        props: Further free bodies, with their joints and places.
+        obstacles: What stands fixed.
+    """
 
     def __init__(
         self,
         workspace: Workspace,
         convention: conventions.Convention,
-        block: entities.Block | None,
+        objects: Sequence[entities.Block],
+        obstacles: Sequence[entities.Obstacle],
         locked_gripper: bool,
     ) -> None:
         """Assembles the scene.
@@ -77,7 +92,8 @@ class Scene:
         Args:
             workspace: Where things are.
             convention: Decides on the base, the head, gravity compensation and the locked gripper.
-            block: The object, or None.
+            objects: What is moved to the goals; each has another name.
+            obstacles: What stands fixed, and where no object may start.
             locked_gripper: Whether the gripper stays closed.
         """
         self.workspace = workspace
@@ -105,19 +121,34 @@ class Scene:
         self.table = entities.Table(workspace.table_half_size, workspace.table_friction)
         self.arena.attach(self.table).pos = workspace.table_position
 
-        self.target = entities.Target()
-        self.target_frame = self.arena.attach(self.target)
+        self.objects = tuple(objects)
+        self.targets = self._made_targets()
+        self.target_frames = [self.arena.attach(each) for each in self.targets]
 
         self.mocap = entities.Mocap()
         self.mocap_frame = self.mocap.attach_to(self.arena)
         self.mocap.weld_to(self.gripper.gripper_link)
 
-        self.block = block
-        self.block_joint = None
-        if block is not None:
-            self.block_joint = block.attach_to(self.arena)
+        self.object_joints = [each.attach_to(self.arena) for each in self.objects]
 
         self.props: list[tuple[entities.Block, mjcf.Element, Sequence[float]]] = []
+        self.obstacles = tuple(obstacles)
+        for obstacle in self.obstacles:
+            self.arena.attach(obstacle).pos = obstacle.position
+
+    @property
+    def num_goals(self) -> int:
+        """How many places a goal has: one for each object, or the gripper's."""
+        return max(1, len(self.objects))
+
+    def _made_targets(self) -> tuple[entities.Target, ...]:
+        """Returns a target for each goal; of several, each has the colour of its object."""
+        if self.num_goals == 1:
+            return (entities.Target(),)
+        return tuple(
+            entities.Target(rgba=each.rgba, name=f'target_of_{each.mjcf_model.model}')
+            for each in self.objects
+        )
 
     def remove_looks(self, cameras: bool) -> None:
         """Removes what can be seen and not touched.

@@ -44,7 +44,7 @@ class Slide(goal_task.GoalTask):
             friction=_FRICTION,
             quaternion=options.object_quaternion,
         )
-        super().__init__(options, _WORKSPACE, puck, settled=settled.load('slide'))
+        super().__init__(options, _WORKSPACE, (puck,), settled=settled.load('slide'))
 
     def _build_samplers(self):
         return (

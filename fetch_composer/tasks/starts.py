@@ -1,7 +1,7 @@
 """Where episodes start: what is given, what is drawn, and the state that follows."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +34,8 @@ class Start:
     """What differs between the starts of two episodes.
 
     Attributes:
-        object_position: (2,) x and y in m at which the object starts; None without one.
-        goal: (3,) desired goal in m.
+        object_position: (2 n,) x and y in m at which each of n objects starts; None without one.
+        goal: (3 n,) desired goal in m.
         variations: What was drawn for this episode, by name of the variation.
     """
 
@@ -72,7 +72,7 @@ class EpisodeStarts:
         self,
         scene: Scene,
         grip_start: np.ndarray,
-        object_height: float | None,
+        object_heights: Sequence[float],
         object_sampler: variation.Variation | None,
         goal_sampler: variation.Variation,
         variations: Variations,
@@ -83,16 +83,17 @@ class EpisodeStarts:
         Args:
             scene: The scene.
             grip_start: (3,) start of the observed grip site in m.
-            object_height: Height in m at which the object's centre rests; None without one.
-            object_sampler: Draws the object's x and y; None without one.
-            goal_sampler: Draws the desired goal.
+            object_heights: Height in m at which each object's centre rests.
+            object_sampler: Draws the objects' x and y; None without any.
+            goal_sampler: Draws the desired goal; as `initial_value` it is given what the
+                other has drawn.
             variations: What else differs between episodes.
             settled: The state to start from; None to start at rest at the documented pose.
         """
         self._scene = scene
         self._workspace = scene.workspace
         self._grip_start = grip_start
-        self._object_height = object_height
+        self._object_heights = object_heights
         self._object_sampler = object_sampler
         self._goal_sampler = goal_sampler
         self._variations = variations
@@ -110,13 +111,15 @@ class EpisodeStarts:
             ValueError: if a place cannot be.
         """
         if object_position is not None:
-            if self._scene.block is None:
+            count = len(self._scene.objects)
+            if not count:
                 raise ValueError('object_position was given, but this task has no object.')
-            object_position = self._workspace.check_object_position(object_position)
-            if not self._has_place(object_position):
-                raise ValueError(self._no_place(object_position))
+            object_position = self._workspace.check_object_position(object_position, count)
+            obstacle = self._in_the_way(object_position)
+            if obstacle is not None:
+                raise ValueError(obstacle)
         if goal is not None:
-            goal = self._workspace.check_goal(goal)
+            goal = self._workspace.check_goal(goal, self._scene.num_goals)
         return Start(object_position, goal)
 
     def check_restored(
@@ -132,30 +135,42 @@ class EpisodeStarts:
             )
         self.check(**given)
 
-    def _has_place(
+    def _in_the_way(
         self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
-    ) -> bool:
-        """Returns whether an object there is clear of where the gripper starts.
+    ) -> str | None:
+        """Returns what keeps objects from starting there, as a message; None if nothing does.
 
         Args:
-            object_position: (2,) x and y in m.
-            values: What was drawn for the episode; nothing for the usual object and start.
+            object_position: (2 n,) x and y in m of each object.
+            values: What was drawn for the episode; nothing for the usual objects and start.
         """
-        radius, height = self._variations.radius_and_height(values)
+        sizes = self._variations.radius_and_height(values)
+        places = object_position.reshape(-1, 2)
+        at = f'object_position {object_position.tolist()} is where'
         grip = self._grip_start + values.get('gripper_offset', 0.0)
-        is_low = grip[2] - FINGERTIP_DEPTH < self._workspace.table_top + height
-        distance = np.linalg.norm(object_position - grip[:2])
-        return bool(not is_low or distance >= radius + _GRIPPER_REACH)
-
-    def _no_place(
-        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
-    ) -> str:
-        radius, _ = self._variations.radius_and_height(values)
-        grip = self._grip_start + values.get('gripper_offset', 0.0)
-        return (
-            f'object_position {object_position.tolist()} is where the gripper starts: it must be '
-            f'at least {radius + _GRIPPER_REACH:.3f} m from {grip[:2].round(4).tolist()}.'
-        )
+        for i, (place, (radius, height)) in enumerate(zip(places, sizes, strict=True)):
+            needed = radius + _GRIPPER_REACH
+            is_low = grip[2] - FINGERTIP_DEPTH < self._workspace.table_top + height
+            if is_low and np.linalg.norm(place - grip[:2]) < needed:
+                return (
+                    f'{at} the gripper starts: it must be at least {needed:.3f} m from '
+                    f'{grip[:2].round(4).tolist()}.'
+                )
+            for each in self._scene.obstacles:
+                beyond = np.abs(place - each.position[:2]) - each.half_size[:2]
+                if np.linalg.norm(np.maximum(beyond, 0.0)) < radius:
+                    return (
+                        f'{at} an obstacle stands: it must be at least {radius:.3f} m from the '
+                        f'{(2 * each.half_size[:2]).round(4).tolist()} m around '
+                        f'{each.position[:2].round(4).tolist()}.'
+                    )
+            for other, (other_radius, _) in zip(places[:i], sizes, strict=False):
+                if np.linalg.norm(place - other) < radius + other_radius:
+                    return (
+                        f'{at} two objects meet: they must be at least '
+                        f'{radius + other_radius:.3f} m apart.'
+                    )
+        return None
 
     def draw(
         self,
@@ -174,10 +189,8 @@ class EpisodeStarts:
             ValueError: if a variation draws what cannot be, or no place is left for the object.
         """
         sampler = self._object_sampler
-        drawn = Start(
-            None if sampler is None else sampler(random_state=random_state),
-            self._goal_sampler(random_state=random_state),
-        )
+        places = None if sampler is None else sampler(random_state=random_state)
+        drawn = Start(places, self._goal_sampler(initial_value=places, random_state=random_state))
         sources = (given, self._every_episode, drawn)
         start = Start(
             next((s.object_position for s in sources if s.object_position is not None), None),
@@ -202,17 +215,18 @@ class EpisodeStarts:
             )
 
     def _cleared(self, start: Start, was_drawn: bool, random_state) -> Start:
-        """Returns a start whose object is clear of the gripper, drawing its place again if not."""
+        """Returns a start whose objects are in no one's way, drawing their places again if not."""
         place = start.object_position
         if place is None:
             return start
         for _ in range(_MAX_REJECTIONS):
-            if self._has_place(place, start.variations):
+            obstacle = self._in_the_way(place, start.variations)
+            if obstacle is None:
                 return dataclasses.replace(start, object_position=place)
             if not was_drawn or self._object_sampler is None:
                 break
             place = self._object_sampler(random_state=random_state)
-        raise ValueError(self._no_place(place, start.variations))
+        raise ValueError(obstacle)
 
     def compile(self, physics: mjcf.Physics, addresses: Addresses) -> None:
         """Finds the state that episodes have in common.
@@ -237,9 +251,13 @@ class EpisodeStarts:
             state = self._state_at_rest(start.variations['gripper_offset'])
         if start.object_position is not None:
             qpos = state.qpos.copy()
-            object_qpos = qpos[self._addresses.object_qpos]
-            object_qpos[:2] = start.object_position
-            object_qpos[2] += self._variations.raised(start.variations)
+            raised = self._variations.raised(start.variations)
+            places = start.object_position.reshape(-1, 2)
+            for where, place, height in zip(
+                self._addresses.object_qpos, places, raised, strict=True
+            ):
+                qpos[where][:2] = place
+                qpos[where][2] += height
             state = dataclasses.replace(state, qpos=qpos)
         return state
 
@@ -249,10 +267,11 @@ class EpisodeStarts:
         gripper_position = np.add(self._workspace.gripper_position, gripper_offset)
         qpos = model.qpos0.copy()
         qpos[addresses.arm_qpos] = self._solve(gripper_position)
-        if scene.block is not None:
-            object_qpos = qpos[addresses.object_qpos]
-            object_qpos[2] = self._object_height
-            object_qpos[3:] = scene.block.quaternion
+        for where, each, height in zip(
+            addresses.object_qpos, scene.objects, self._object_heights, strict=True
+        ):
+            qpos[where][2] = height
+            qpos[where][3:] = each.quaternion
         for prop, joint, position in scene.props:
             address = model.jnt_qposadr[self._physics.bind(joint).element_id]
             qpos[address : address + 7] = (*position, *prop.quaternion)
@@ -298,8 +317,8 @@ class EpisodeStarts:
             index = model.joint(joint.full_identifier).id
             qpos[model.jnt_qposadr[index]] = settled.qpos[joint.name]
             qvel[model.jnt_dofadr[index]] = settled.qvel[joint.name]
-        if scene.block is not None:
-            qpos[addresses.object_qpos] = settled.object_qpos
-            qvel[addresses.object_qvel] = settled.object_qvel
+        if scene.objects:
+            (object_qpos,), (object_qvel,) = addresses.object_qpos, addresses.object_qvel
+            qpos[object_qpos], qvel[object_qvel] = settled.object_qpos, settled.object_qvel
         # Gymnasium-Robotics leaves its mocap body at the origin until the first action moves it.
         return StartState(qpos, qvel, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))

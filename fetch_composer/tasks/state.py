@@ -41,7 +41,7 @@ class State:
         physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`).
         gripper_pose: (7,) position in m and quaternion from which the next action moves the
             gripper; with a free gripper Gymnasium-Robotics reads it one substep late.
-        goal: (3,) desired goal in m.
+        goal: (3,) desired goal in m, or (3 n,) for n objects.
         steps_taken: Control steps since the episode started.
         is_over: Whether the next step starts another episode.
         variations: What was drawn for this episode, by name.
@@ -138,7 +138,7 @@ class Identity:
             checks.mapping(f'{name} of the state', getattr(state, name))
 
 
-def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity:
+def identity(task_name: str, convention: str, model: mujoco.MjModel, num_goals: int) -> Identity:
     """Returns the identity of an environment whose model has just been compiled."""
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
@@ -154,7 +154,7 @@ def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity
         shapes={
             'physics': (mujoco.mj_stateSize(model, _PHYSICS),),
             'gripper_pose': (7,),
-            'goal': (3,),
+            'goal': (3 * num_goals,),
         },
     )
 

@@ -2,13 +2,12 @@
 
 A variation is a constant, or anything that `dm_control.composer.variation` calls a variation,
 such as `distributions.Uniform(low, high)`. All of them are written into the compiled model, so
-that no episode costs a compilation.
+that no episode costs a compilation. What is drawn for the object holds for all of a task's objects.
 """
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import mujoco
 import numpy as np
 from dm_control import mjcf
 from dm_control.composer import variation
@@ -16,6 +15,7 @@ from dm_control.composer import variation
 from fetch_composer.entities import arena, contact_pairs
 from fetch_composer.tasks import checks
 from fetch_composer.tasks.scene import Scene
+from fetch_composer.tasks.varied_object import VariedObject, inertia
 
 # Name: (sizes of a drawn value, what it is).
 DESCRIPTIONS = {
@@ -47,23 +47,6 @@ _FIELDS = {
     'gripper_offset': (),
 }  # fmt: skip
 _NEED_SET_CONST = frozenset({'object_size', 'object_mass'})
-
-
-def _inertia(geom_type: int, size: np.ndarray, mass: float) -> np.ndarray:
-    """Returns (3,) moments of inertia in kg m² of a uniform box or cylinder."""
-    if geom_type == mujoco.mjtGeom.mjGEOM_BOX:
-        square = size**2
-        return mass / 3 * (square.sum() - square)
-    radius, half_height = size[:2]
-    across = mass * (3 * radius**2 + 4 * half_height**2) / 12
-    return np.array((across, across, mass * radius**2 / 2))
-
-
-def _bounds(geom_type: int, size: np.ndarray) -> np.ndarray:
-    """Returns (3,) half extents in m of a box or cylinder in its own frame."""
-    if geom_type == mujoco.mjtGeom.mjGEOM_BOX:
-        return size
-    return np.array((size[0], size[0], size[1]))
 
 
 def _checked(name: str, value: Any) -> np.ndarray:
@@ -106,17 +89,13 @@ class Variations:
             )
         self._given = dict(given or {})
         self._scene = scene
-        if scene.block is not None:
-            geom = scene.block.geom
-            self._object_type = getattr(mujoco.mjtGeom, f'mjGEOM_{geom.type.upper()}')
-            self._size: np.ndarray = np.zeros(3)
-            self._size[: len(geom.size)] = geom.size
+        self._objects = [VariedObject.of(each.geom) for each in scene.objects]
         for name in self._given:
             if name not in DESCRIPTIONS:
                 raise ValueError(
                     f'Unknown variation {checks.shown(name)}; valid are {", ".join(NAMES)}.'
                 )
-            if name in _NEED_OBJECT and scene.block is None:
+            if name in _NEED_OBJECT and not scene.objects:
                 raise ValueError(f'{name!r} cannot vary: this task has no object.')
         if fixed_start and 'gripper_offset' in self._given:
             raise ValueError(
@@ -183,43 +162,32 @@ class Variations:
             self._cameras = [model.camera(name).id for name in arena.CAMERAS]
             self._camera_positions = model.cam_pos[self._cameras].copy()
         self._table = physics.bind(self._scene.table.geom).element_id
-        if self._scene.block is not None:
-            self._object = physics.bind(self._scene.block.geom).element_id
-            self._object_body = model.geom_bodyid[self._object]
-            self._bounding_volume = model.body_bvhadr[self._object_body]
-            self._material = model.geom_matid[self._object]
-            self._mass = float(model.body_mass[self._object_body])
+        for each in self._objects:
+            each.compile(physics)
         self._model, every_pair = model, np.arange(model.npair)
         usual = contact_pairs.friction(model, model.geom_friction, every_pair)
         # Pairs with a friction of their own keep it.
         self._pairs = np.flatnonzero((model.pair_friction == usual).all(axis=-1))
 
-    def raised(self, values: Mapping[str, np.ndarray]) -> float:
-        """Returns by how many m the object's centre rests higher than that of the usual one."""
+    def raised(self, values: Mapping[str, np.ndarray]) -> list[float]:
+        """Returns by how many m each object's centre rests higher than that of the usual one."""
         if 'object_size' not in values:
-            return 0.0
-        return float(self.half_extents(values)[2] - _bounds(self._object_type, self._size)[2])
+            return [0.0] * len(self._objects)
+        return [
+            float(each.half_extents(values)[2] - each.half_extents({})[2]) for each in self._objects
+        ]
 
-    def radius_and_height(self, values: Mapping[str, np.ndarray]) -> tuple[float, float]:
-        """Returns radius of the smallest upright cylinder around the object, and height, in m."""
-        x, y, z = self.half_extents(values).tolist()
-        is_box = self._object_type == mujoco.mjtGeom.mjGEOM_BOX
-        return (float(np.hypot(x, y)) if is_box else x), 2 * z
+    def radius_and_height(self, values: Mapping[str, np.ndarray]) -> list[tuple[float, float]]:
+        """Returns, for each object, radius of the smallest upright cylinder, and height, in m."""
+        found = []
+        for each in self._objects:
+            x, y, z = each.half_extents(values).tolist()
+            found.append((float(np.hypot(x, y)) if each.is_box else x, 2 * z))
+        return found
 
-    def _object_size(self, values) -> np.ndarray:
-        size, drawn = self._size.copy(), values.get('object_size')
-        used = 3 if self._object_type == mujoco.mjtGeom.mjGEOM_BOX else 2
-        if drawn is not None:
-            if drawn.size not in (1, used):
-                raise ValueError(
-                    f"'object_size' drew {drawn.tolist()}, but this object has {used} sizes."
-                )
-            size[:used] = drawn
-        return size
-
-    def half_extents(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns (3,) half of the upright object's length, width and height in m."""
-        return _bounds(self._object_type, self._object_size(values))
+    def half_extents(self, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+        """Returns (3,) half of length, width and height in m of each upright object."""
+        return [each.half_extents(values) for each in self._objects]
 
     def write(
         self, values: Mapping[str, np.ndarray], fields: Mapping[str, np.ndarray], row: Any = ...
@@ -238,26 +206,27 @@ class Variations:
         values = {
             name: value for name, value in values.items() if fields.keys() >= set(_FIELDS[name])
         }
-        if 'object_size' in values:
-            size, half_extents = self._object_size(values), self.half_extents(values)
-            field('geom_size')[self._object] = size
-            field('geom_rbound')[self._object] = np.linalg.norm(half_extents)
-            field('geom_aabb')[self._object][3:] = half_extents
-            field('bvh_aabb')[self._bounding_volume][3:] = half_extents
-        if 'object_size' in values or 'object_mass' in values:
-            mass = float(values['object_mass'][0]) if 'object_mass' in values else self._mass
-            field('body_mass')[self._object_body] = mass
-            inertia = _inertia(self._object_type, self._object_size(values), mass)
-            field('body_inertia')[self._object_body] = inertia
+        for each in self._objects:
+            if 'object_size' in values:
+                half_extents = each.half_extents(values)
+                field('geom_size')[each.id] = each.size_in(values)
+                field('geom_rbound')[each.id] = np.linalg.norm(half_extents)
+                field('geom_aabb')[each.id][3:] = half_extents
+                field('bvh_aabb')[each.bounding_volume][3:] = half_extents
+            if 'object_size' in values or 'object_mass' in values:
+                mass = float(values['object_mass'][0]) if 'object_mass' in values else each.mass
+                moments = inertia(each.geom_type, each.size_in(values), mass)
+                field('body_mass')[each.body] = mass
+                field('body_inertia')[each.body] = moments
+            if 'object_color' in values:
+                colour = values['object_color']
+                field('mat_rgba')[each.material][: colour.size] = colour
         if 'friction' in values:
             friction = field('geom_friction')
-            friction[[self._object, self._table], 0] = values['friction']
+            friction[[*(each.id for each in self._objects), self._table], 0] = values['friction']
             field('pair_friction')[self._pairs] = contact_pairs.friction(
                 self._model, friction, self._pairs
             )
-        if 'object_color' in values:
-            colour = values['object_color']
-            field('mat_rgba')[self._material][: colour.size] = colour
         if 'light_position' in values:
             direction = arena.aim(values['light_position'])
             field('light_pos')[self._light] = values['light_position']

@@ -11,13 +11,15 @@ import sys
 import numpy as np
 
 import fetch_composer
-from fetch_composer.tasks import conventions
+from fetch_composer import tasks
 from tests import runs
 from tests.hostile.tally import Tally
 
 _ROWS = 4
 _STEPS = 50
-_VARIANTS = tuple((task, each) for task in fetch_composer.ALL for each in conventions.CONVENTIONS)
+_VARIANTS = tuple(
+    (task, each) for task in fetch_composer.ALL for each in tasks.conventions_of(task)
+)
 
 
 def _actions(kind: str, generator: np.random.Generator, steps: int, rows: int) -> np.ndarray:

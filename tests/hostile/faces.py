@@ -15,13 +15,15 @@ from hypothesis import strategies as st
 import fetch_composer
 from fetch_composer import tasks
 from fetch_composer.explorer import flags
-from fetch_composer.tasks import conventions, variations
+from fetch_composer.tasks import variations
 from fetch_composer.tasks.state import State
 from tests.hostile import values
 from tests.hostile.tally import Tally
 
 _ROWS = 3
-_VARIANTS = tuple((task, each) for task in fetch_composer.ALL for each in conventions.CONVENTIONS)
+_VARIANTS = tuple(
+    (task, each) for task in fetch_composer.ALL for each in tasks.conventions_of(task)
+)
 
 
 def _fuzz(seed: int, examples: int, check: Callable[..., None], **strategies) -> None:

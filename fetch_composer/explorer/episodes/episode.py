@@ -15,8 +15,8 @@ class Episode:
     Attributes:
         seed: Seed of environment and policy.
         observation: (T + 1, n) observations, the first of them after the reset.
-        achieved_goal: (T + 1, 3) positions in m.
-        desired_goal: (T + 1, 3) positions in m.
+        achieved_goal: (T + 1, 3) positions in m; (T + 1, 3 n) for n objects.
+        desired_goal: The same.
         action: (T, 4) actions.
         reward: (T,) rewards.
         step_seconds: Time spent in the environment's `step`, in s.
@@ -37,7 +37,7 @@ class Episode:
 
     @property
     def distance(self) -> np.ndarray:
-        """(T + 1,) distances to the goal in m."""
+        """(T + 1,) distances to the goal in m, of the object that is furthest from it."""
         return rewards.goal_distance(self.achieved_goal, self.desired_goal)
 
     @property

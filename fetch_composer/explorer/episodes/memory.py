@@ -7,6 +7,7 @@ from fetch_composer.tasks import layout
 
 _COPIES = 4  # Of every number: as it was kept, stacked, drawn, and compressed.
 _BYTES_ASIDE = 40_000  # Of an episode: its lines in plots, its rows in the report.
+_MOST_OBJECTS = 2  # Of a task: how many there are is not known before it is made.
 _SHARE = 0.5  # Of the memory, of which others want some.
 _UNKNOWN = 8 * 2**30
 _CGROUP_LIMITS = (
@@ -17,7 +18,7 @@ _CGROUP_LIMITS = (
 
 def most_episodes(steps: int) -> int:
     """Returns how many episodes of so many control steps fit into memory."""
-    observed = layout.WITH_OBJECT.size + 3 + 3
+    observed = layout.of(_MOST_OBJECTS)[0].size + 2 * 3 * _MOST_OBJECTS
     numbers = (steps + 1) * observed + steps * (4 + 1)
     return int(_SHARE * _memory()) // (8 * numbers * _COPIES + _BYTES_ASIDE)
 

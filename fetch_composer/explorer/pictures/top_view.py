@@ -1,4 +1,4 @@
-"""The table seen from above, with the paths of gripper and object."""
+"""The table seen from above, with the paths of gripper and objects."""
 
 from collections.abc import Sequence
 
@@ -24,11 +24,13 @@ def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object
     Args:
         episodes: One or more episodes.
         workspace: Where the table is.
-        has_object: Whether the achieved goal is the place of an object, or of the gripper.
+        has_object: Whether the achieved goal is the place of objects, or of the gripper.
     """
     grippers = [each.observation[:, layout.WITH_OBJECT.grip_position][:, :2] for each in episodes]
-    things = [each.achieved_goal[:, :2] for each in episodes]
-    goals = np.stack([each.desired_goal[-1, :2] for each in episodes])
+    things = [path for each in episodes for path in _paths(each.achieved_goal)]
+    goals = np.stack([path[-1] for each in episodes for path in _paths(each.desired_goal)])
+    # Of each path, the episode.
+    owners = [each for each in episodes for _ in range(len(things) // len(episodes))]
     centre, half = np.array(workspace.table_position[:2]), np.array(workspace.table_half_size[:2])
     one = len(episodes) == 1
     corners = np.concatenate([goals, *things])
@@ -50,8 +52,8 @@ def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object
             for path in grippers:
                 axes.plot(*path.T, color=_GRIPPER, linewidth=1.1, alpha=1 if one else 0.5)
                 axes.plot(*path[0], 'o', mfc=style.PAPER, mec=_GRIPPER, ms=5)
-        charts.lines(axes, things, episodes, zorder=3)
-        _mark(axes, things, goals, episodes)
+        charts.lines(axes, things, owners, zorder=3)
+        _mark(axes, things, goals, owners, len(episodes) <= _GRIPPERS_OF)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect='equal')
         axes.set_xlabel('x (m), away from the robot')
         axes.set_ylabel('y (m)')
@@ -64,10 +66,14 @@ def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object
     return result[0]
 
 
-def _mark(axes, things, goals: np.ndarray, episodes: Sequence[Episode]) -> None:
+def _paths(places: np.ndarray) -> list[np.ndarray]:
+    """Returns the path of each object, (T + 1, 2) in m, from goals of (T + 1, 3 n)."""
+    return list(places.reshape(len(places), -1, 3)[..., :2].swapaxes(0, 1))
+
+
+def _mark(axes, things, goals: np.ndarray, owners: Sequence[Episode], few: bool) -> None:
     """Marks starts, ends and goals; with many episodes the starts are left out."""
-    few = len(episodes) <= _GRIPPERS_OF
-    reached = np.array([each.is_success for each in episodes])
+    reached = np.array([each.is_success for each in owners])
     starts, ends = (np.stack([path[i] for path in things]) for i in (0, -1))
     if few:
         for goal in goals:
@@ -79,8 +85,8 @@ def _mark(axes, things, goals: np.ndarray, episodes: Sequence[Episode]) -> None:
         axes.plot(*goals.T, '+', color=_GOAL, ms=9, mew=1.6, zorder=6)
         size, alpha = 8.0, 1.0
     else:
-        size = float(np.clip(60 / np.sqrt(len(episodes)), 1.6, 4))
-        alpha = float(np.clip(12 / np.sqrt(len(episodes)), 0.35, 1))
+        size = float(np.clip(60 / np.sqrt(len(owners)), 1.6, 4))
+        alpha = float(np.clip(12 / np.sqrt(len(owners)), 0.35, 1))
         axes.plot(*goals.T, '+', color=_GOAL, ms=4, mew=0.7, alpha=0.7 * alpha, rasterized=True)
     for chosen, colour, opacity in ((reached, style.SUCCESS, alpha), (~reached, style.FAILURE, 1)):
         if few:

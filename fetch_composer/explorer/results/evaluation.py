@@ -8,12 +8,11 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fetch_composer import policies
+from fetch_composer import policies, tasks
 from fetch_composer.explorer.episodes import batch_rollout
 from fetch_composer.explorer.episodes import seeds as seeds_lib
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.results import statistics
-from fetch_composer.tasks import TaskOptions
 from fetch_composer.tasks.options import NAMES as OPTION_NAMES
 
 DEFAULT_SEEDS = seeds_lib.TUNING[:100]
@@ -114,7 +113,8 @@ def evaluate(
         load_policy = functools.partial(policies.given.factory, policy, vectorized=vectorized)
         if policies.given.keeps_state(policy):
             num_envs = 1
-    options = batch_rollout.EpisodeOptions(task, name, TaskOptions(**task_kwargs), trust_pickle)
+    task_options = dataclasses.replace(tasks.default_options(task), **task_kwargs)
+    options = batch_rollout.EpisodeOptions(task, name, task_options, trust_pickle)
     with batch_rollout.BatchRollout(
         options, min(num_envs, len(seeds)), num_threads, load_policy=load_policy
     ) as batch:

@@ -14,7 +14,7 @@ class Setting:
         task_name: Name of the task.
         convention: Name of the convention.
         workspace: Where the table is.
-        has_object: Whether the achieved goal is the place of an object, or of the gripper.
+        has_object: Whether the achieved goal is the place of objects, or of the gripper.
         control_timestep: Seconds from one control step to the next.
         max_steps: Control steps of an episode that does not end before.
         identity: What a state of the task must share with it.
@@ -36,7 +36,7 @@ class Setting:
             task.name,
             task.convention.name,
             task.workspace,
-            task.scene.block is not None,
+            bool(task.scene.objects),
             env.control_timestep(),
             task.options.max_episode_steps,
             task.identity,

@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fetch_composer import tasks
 from fetch_composer.explorer.episodes import seeds
 from fetch_composer.explorer.results.evaluation import Evaluation
 
-# The options of a run that it fixes, and their values.
+# The options of a run that it fixes whatever the task, and their values.
 FIXED: Mapping[str, Any] = {
     'seed': seeds.STANDARD.start,
     'episodes': len(seeds.STANDARD),
-    'max_episode_steps': 50,
     'reward_type': 'sparse',
     'object_position': None,
     'goal': None,
@@ -22,13 +22,23 @@ HEADER = ('task', 'convention', 'policy', 'success (%)', 'return', 'distance (cm
 _COLUMNS = 80
 
 
+def fixed(task: str) -> dict[str, Any]:
+    """Returns the options of a run that it fixes for a task, and their values.
+
+    Episodes have as many control steps as those of the task have by default.
+    """
+    steps = tasks.default_options(task).max_episode_steps if task in tasks.ALL else None
+    return {**FIXED, 'max_episode_steps': steps or tasks.MAX_EPISODE_STEPS}
+
+
 def check(values: Mapping[str, Any]) -> None:
     """Raises `ValueError` if one of its options has another value than it fixes."""
-    for name, fixed in FIXED.items():
-        if values[name] != fixed:
+    rules = fixed(values['task'])
+    for name, value in rules.items():
+        if values[name] != value:
             raise ValueError(
                 f'standard is of seeds {seeds.STANDARD[0]} to {seeds.STANDARD[-1]}, '
-                f'{FIXED["max_episode_steps"]} control steps, {FIXED["reward_type"]} reward, and '
+                f'{rules["max_episode_steps"]} control steps, {FIXED["reward_type"]} reward, and '
                 f'drawn places; got {name} {values[name]}. Leave out {name}, or standard.'
             )
 

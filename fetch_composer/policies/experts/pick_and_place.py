@@ -13,17 +13,17 @@ from fetch_composer.tasks.layout import WITH_OBJECT as AT
 # Height of the observed grip site above the block's centre, in m, at which the fingers pass over
 # the block: the fingertips are 0.0185 m below the site, the block's top is 0.025 m above its
 # centre.
-_HOVER = 0.06
+HOVER = 0.06
 
-_ABOVE = 0.02  # So near to the block's axis, in m, the open fingers can go down around it ...
-_AROUND = 0.012  # ... and so near to its centre they can close.
-_HELD = 0.03  # A block this near to closed fingers is between them: it may slip a little.
+ABOVE = 0.02  # So near to the block's axis, in m, the open fingers can go down around it ...
+AROUND = 0.012  # ... and so near to its centre they can close.
+HELD = 0.03  # A block this near to closed fingers is between them: it may slip a little.
 
 # Displacements of a finger in m, of at most 0.05; at 0.024 it touches the block.
-_OPEN = 0.04
-_CLOSED = 0.03
+OPEN = 0.04
+CLOSED = 0.03
 
-_OPENING, _CLOSING = 1.0, -1.0  # Fourth component of an action.
+OPENING, CLOSING = 1.0, -1.0  # Fourth component of an action.
 
 
 class PickAndPlaceExpert:
@@ -40,10 +40,10 @@ class PickAndPlaceExpert:
         to_block = block - gripper
         distance = np.linalg.norm(to_block)
 
-        if distance < _HELD and fingers.max() < _CLOSED:
-            return motion.move(observation['desired_goal'] - block, _CLOSING)
-        if distance < _AROUND:
-            return motion.move(to_block, _CLOSING)
-        if np.linalg.norm(to_block[:2]) < _ABOVE and fingers.min() > _OPEN:
-            return motion.move(to_block, _OPENING)
-        return motion.move(to_block + (0.0, 0.0, _HOVER), _OPENING)
+        if distance < HELD and fingers.max() < CLOSED:
+            return motion.move(observation['desired_goal'] - block, CLOSING)
+        if distance < AROUND:
+            return motion.move(to_block, CLOSING)
+        if np.linalg.norm(to_block[:2]) < ABOVE and fingers.min() > OPEN:
+            return motion.move(to_block, OPENING)
+        return motion.move(to_block + (0.0, 0.0, HOVER), OPENING)
