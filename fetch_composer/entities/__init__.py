@@ -2,9 +2,19 @@
 
 from fetch_composer.entities.arena import Arena
 from fetch_composer.entities.block import Block
-from fetch_composer.entities.fetch import FetchArm, FetchGripper
+from fetch_composer.entities.fetch import ARM_JOINTS, FetchArm, FetchGripper
 from fetch_composer.entities.mocap import Mocap
 from fetch_composer.entities.table import Table
 from fetch_composer.entities.target import Target, target_rgba
 
-__all__ = ('Arena', 'Block', 'FetchArm', 'FetchGripper', 'Mocap', 'Table', 'Target', 'target_rgba')
+__all__ = (
+    'ARM_JOINTS',
+    'Arena',
+    'Block',
+    'FetchArm',
+    'FetchGripper',
+    'Mocap',
+    'Table',
+    'Target',
+    'target_rgba',
+)

@@ -91,7 +91,7 @@ class GoalTask(composer.Task):
         self.locked_gripper = locked_gripper
         self.visualize_reward = False
         self._settled = settled
-        self.scene = scene.Scene(workspace, self.convention, block, locked_gripper)
+        self.scene = scene.Scene(workspace, self.convention, block, locked_gripper, options.mode)
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=PHYSICS_TIMESTEP)
         self._task_observables = self._build_task_observables()
         self.variations = Variations(
@@ -192,7 +192,7 @@ class GoalTask(composer.Task):
         self._model, self._data = model, data
         self.addresses = Addresses.of(self.scene, physics)
         bind = functools.partial(getattr, data)
-        self._drive = drive.Drive(bind, self.addresses, self.convention, self.locked_gripper)
+        self._drive = drive.Drive(bind, self.addresses, self.options, self.locked_gripper)
         self._observer = observation.GoalObserver(
             model,
             data,
@@ -204,7 +204,7 @@ class GoalTask(composer.Task):
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
         self._target_rgba = model.site_rgba[physics.bind(self.scene.target.site).element_id]
-        self.identity = state_lib.identity(self.name, self.options.convention, model)
+        self.identity = state_lib.identity(self.name, self.options, model)
         self.starts.compile(physics, self.addresses)
         self.close()
         if any(
@@ -290,7 +290,7 @@ class GoalTask(composer.Task):
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.
-        action = drive.clip(action)
+        action = self._drive.clip(action)
         self._steps_taken += 1
         self._drive.act(action)
 
@@ -305,7 +305,7 @@ class GoalTask(composer.Task):
 
     def action_spec(self, physics) -> specs.BoundedArray:
         del physics  # Unused.
-        return drive.ACTION_SPEC
+        return self.options.mode.spec
 
     def get_reward_spec(self) -> specs.Array:
         if self.options.reward_type == 'sparse':

@@ -7,7 +7,7 @@ import numpy as np
 from dm_control import mjcf
 
 from fetch_composer import entities
-from fetch_composer.tasks import checks, conventions
+from fetch_composer.tasks import action_modes, checks, conventions
 
 # A goal may lie this far below and above the table's surface, in m.
 _GOAL_BELOW_TABLE = 0.02
@@ -71,6 +71,7 @@ class Scene:
         convention: conventions.Convention,
         block: entities.Block | None,
         locked_gripper: bool,
+        mode: action_modes.ActionMode = action_modes.DISPLACEMENT,
     ) -> None:
         """Assembles the scene.
 
@@ -79,6 +80,7 @@ class Scene:
             convention: Decides on the base, the head, gravity compensation and the locked gripper.
             block: The object, or None.
             locked_gripper: Whether the gripper stays closed.
+            mode: Decides on what moves the arm: a mocap body, or servos of its joints.
         """
         self.workspace = workspace
         self.arena = entities.Arena()
@@ -92,6 +94,7 @@ class Scene:
             moving_head=convention.moving_head,
             gravity_compensation=convention.gravity_compensation,
             exact_hulls=convention.exact_hulls,
+            actuated=bool(mode.joints),
         )
         self.gripper = entities.FetchGripper(
             finger_joints=not (locked_gripper and convention.rigid_lock),
@@ -110,7 +113,8 @@ class Scene:
 
         self.mocap = entities.Mocap()
         self.mocap_frame = self.mocap.attach_to(self.arena)
-        self.mocap.weld_to(self.gripper.gripper_link)
+        if not mode.joints:
+            self.mocap.weld_to(self.gripper.gripper_link)
 
         self.block = block
         self.block_joint = None

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from fetch_composer.tasks import drive
+from fetch_composer.tasks.options import TaskOptions
 
 _PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _SEPARATOR = '/'
@@ -34,6 +35,7 @@ class State:
     Attributes:
         task_name: Name of its task.
         convention: Name of its convention.
+        action_mode: What its actions ask for.
         model: A digest of what of its model decides on motion.
         version: Version of MuJoCo.
         physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`).
@@ -49,6 +51,7 @@ class State:
 
     task_name: str
     convention: str
+    action_mode: str
     model: str
     version: str
     physics: np.ndarray
@@ -105,6 +108,7 @@ class Identity:
 
     task_name: str
     convention: str
+    action_mode: str
     model: str
     version: str
 
@@ -128,7 +132,7 @@ class Identity:
             )
 
 
-def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity:
+def identity(task_name: str, options: TaskOptions, model: mujoco.MjModel) -> Identity:
     """Returns the identity of an environment whose model has just been compiled."""
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
@@ -137,7 +141,9 @@ def identity(task_name: str, convention: str, model: mujoco.MjModel) -> Identity
     for name in _GEOM_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
     version = metadata.version('mujoco')
-    return Identity(task_name, convention, digest.hexdigest()[:16], version)
+    return Identity(
+        task_name, options.convention, options.action_mode, digest.hexdigest()[:16], version
+    )
 
 
 def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
