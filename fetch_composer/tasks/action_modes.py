@@ -85,8 +85,8 @@ class ActionMode:
         shape = (*batch_shape, *self.shape)
         if array.shape != shape:
             raise ValueError(
-                f'An action of shape {shape} is needed ({", ".join(self.components)}), '
-                f'got {array.shape}.'
+                f'An action of shape {shape} is needed, got {array.shape}; '
+                f'its numbers are {", ".join(self.components)}.'
             )
         if not checks.is_numeric(array):
             raise ValueError(f'An action of floats is needed, got dtype {array.dtype}.')
