@@ -9,7 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fetch_composer.tasks import action_modes, conventions, rotations
+from fetch_composer.tasks import conventions, rotations
+from fetch_composer.tasks.action_modes import (
+    JOINT_RADIANS_PER_UNIT,
+    METRES_PER_UNIT,
+    RADIANS_PER_UNIT,
+)
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.starts import StartState
@@ -59,8 +64,9 @@ class Drive:
                 gripper is, and their action mode on what an action moves.
             locked_gripper: Whether the gripper stays closed.
         """
-        convention, self._mode = conventions.CONVENTIONS[options.convention], options.mode
-        self.clip = self._mode.clip
+        convention, mode = conventions.CONVENTIONS[options.convention], options.mode
+        self.clip = mode.clip
+        self._moves_joints, self._turns_gripper = bool(mode.joints), bool(mode.rotation)
         self._additive_rotation = convention.additive_rotation
         self._locked_gripper = locked_gripper
         # Fingers that slide within a control step, and are put back at its end.
@@ -90,7 +96,7 @@ class Drive:
         self._qvel[rows] = state.qvel
         self._mocap_position[rows] = state.mocap_position
         self._mocap_quaternion[rows] = state.mocap_quaternion
-        if self._mode.joints:
+        if self._moves_joints:
             self._targets[rows] = state.qpos[self._arm_qpos]
         self._forget_restored(rows)
 
@@ -125,7 +131,7 @@ class Drive:
             action: (..., n) clipped actions of those simulations.
             rows: An index of the simulations to write to; ... for all.
         """
-        if self._mode.joints:
+        if self._moves_joints:
             self._move_joints(action[..., :-1], rows)
         else:
             self._move_gripper(action, rows)
@@ -138,17 +144,14 @@ class Drive:
         A target moves from where it is, not from where its joint is, so that a 0 holds the arm
         and changes add up. Like a rotation, it does not get far ahead of what cannot follow.
         """
-        targets = self._targets[rows] + change * action_modes.JOINT_RADIANS_PER_UNIT
+        targets = self._targets[rows] + change * JOINT_RADIANS_PER_UNIT
         joints = self._qpos[rows][..., self._arm_qpos]
         targets = targets.clip(joints - _FURTHEST_TARGET, joints + _FURTHEST_TARGET)
         self._targets[rows] = targets.clip(self._lowest_target, self._highest_target)
 
     def _move_gripper(self, action: np.ndarray, rows: Any) -> None:
-        """Moves the mocap body, to which the gripper is welded.
-
-        Its position is the gripper's own and a displacement.
-        """
-        displacement = action[..., :3] * action_modes.METRES_PER_UNIT
+        """Moves the mocap body, to which the gripper is welded, from where the gripper is."""
+        displacement = action[..., :3] * METRES_PER_UNIT
         position, quaternion = self._gripper_position, self._gripper_quaternion
         if self._restored is not None:
             pose = self.gripper_pose()
@@ -160,7 +163,7 @@ class Drive:
             self._mocap_position[rows] = position[rows] + displacement
         if self._additive_rotation:
             self._mocap_quaternion[rows] = quaternion[rows] + _ADDED_ROTATION
-        elif self._mode.rotation:
+        elif self._turns_gripper:
             self._mocap_quaternion[rows] = self._turned(action[..., 3:-1], rows)
         else:
             self._mocap_quaternion[rows] = _FIXED_ROTATION
@@ -179,7 +182,7 @@ class Drive:
         """
         vector = np.zeros((*rotation.shape[:-1], 3))
         vector[..., -rotation.shape[-1] :] = rotation
-        vector *= action_modes.RADIANS_PER_UNIT
+        vector *= RADIANS_PER_UNIT
         return rotations.held_near(
             rotations.turned(self._mocap_quaternion[rows], vector),
             self._gripper_quaternion[rows],

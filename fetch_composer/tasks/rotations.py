@@ -48,18 +48,19 @@ def held_near(quaternion: np.ndarray, other: np.ndarray, furthest: float, axes: 
         axes: How many of the world's axes may be turned about, of which z is the last; the angle
             is that about these axes.
     """
+    # The angle between them is at least that about some axes, and is quickly found.
+    may_be_far = np.abs(_sum(quaternion * other)) < np.cos(furthest / 2)
+    if not may_be_far.any():
+        return quaternion
     between = product(quaternion, other * _CONJUGATE)
     between[..., 1 : 4 - axes] = 0
     between = between / np.maximum(_norm(between), _SMALLEST)
     between = np.where(between[..., :1] < 0, -between, between)  # The same rotations, below pi.
     vector, most = between[..., 1:], np.sin(furthest / 2)
     size = _norm(vector)
-    is_far = size > most
-    if not is_far.any():
-        return quaternion
     allowed = _with_vector(vector * (most / np.maximum(size, most)))
     back = product(allowed, between * _CONJUGATE)
-    return np.where(is_far, product(back, quaternion), quaternion)
+    return np.where(may_be_far & (size > most), product(back, quaternion), quaternion)
 
 
 def _with_vector(vector: np.ndarray) -> np.ndarray:
@@ -69,6 +70,12 @@ def _with_vector(vector: np.ndarray) -> np.ndarray:
 
 def _norm(vector: np.ndarray) -> np.ndarray:
     """Returns (..., 1) norms."""
-    squares = vector * vector
-    # One after the other: the order in which NumPy's own sum adds depends on the shape.
-    return np.sqrt(sum(squares[..., i : i + 1] for i in range(squares.shape[-1])))
+    return np.sqrt(_sum(vector * vector))
+
+
+def _sum(terms: np.ndarray) -> np.ndarray:
+    """Returns (..., 1) sums, added in order: NumPy's own sum adds as the shape suggests."""
+    total = terms[..., :1]
+    for i in range(1, terms.shape[-1]):
+        total = total + terms[..., i : i + 1]
+    return total
