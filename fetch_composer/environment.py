@@ -233,7 +233,8 @@ class Environment(composer.Environment):
         """Advances one control step, or resets if the last step ended an episode.
 
         Args:
-            action: (4,) displacement of the gripper in units of 0.05 m, and its opening.
+            action: As the action spec says; by default (4,), displacement of the gripper in units
+                of 0.05 m and its opening.
 
         Raises:
             ValueError: if the action has another shape or is not finite; nothing has changed.

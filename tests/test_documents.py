@@ -15,7 +15,7 @@ from docs import make_results
 from fetch_composer import tasks
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
-from fetch_composer.tasks import layout, pixels, registry, variations
+from fetch_composer.tasks import action_modes, layout, pixels, registry, variations
 
 _ROOT = pathlib.Path(__file__).parents[1]
 _DOCS = _ROOT / 'docs'
@@ -100,6 +100,19 @@ def test_the_table_of_options_is_that_of_the_code():
     for name, default in fields.items():
         if default is not None:
             assert documented[name][2].strip('`') == repr(default)
+
+
+def test_the_table_of_action_modes_is_that_of_the_code():
+    rows = {
+        row[0].strip("`'"): row[1:] for row in _table('tasks.md', '| `action_mode` | numbers |')
+    }
+    assert list(rows) == list(action_modes.MODES)
+    for name, (size, meaning) in rows.items():
+        named = meaning.partition(':')[0].replace(' ', '_').split(',_')
+        assert (int(size), tuple(named)) == (len(named), action_modes.MODES[name].components)
+    scales = (action_modes.RADIANS_PER_UNIT, action_modes.JOINT_RADIANS_PER_UNIT)
+    assert [f'{each} rad per unit' in rows['joints'][1] for each in scales] == [False, True]
+    assert f'{scales[0]} rad per unit' in rows['displacement+rotation'][1]
 
 
 def test_the_table_of_picture_options_is_that_of_the_code():

@@ -14,7 +14,7 @@ from benchmarks import markdown
 from docs.site import linked_files
 from fetch_composer import gymnasium_ids, tasks
 from fetch_composer.interfaces import gymnasium_common
-from fetch_composer.tasks import drive, goal_task, layout, rewards
+from fetch_composer.tasks import action_modes, goal_task, layout, rewards
 
 _DOCS = pathlib.Path(__file__).parents[1]
 _TEMPLATE = pathlib.Path(__file__).parent / 'task.md.j2'
@@ -84,13 +84,15 @@ def page(name: str) -> str:
 
 def action_rows(name: str) -> Iterator[tuple[str, ...]]:
     """Yields number, meaning, minimum, maximum and unit of each number of a task's action."""
-    spec = drive.ACTION_SPEC
+    spec = action_modes.DISPLACEMENT.spec
     locked = tasks.make(name).locked_gripper
     fingers = (
         'none: the gripper is locked' if locked else 'opening (+) and closing (−) of the fingers'
     )
     meanings = [f'displacement of the gripper, {axis}' for axis in _AXES] + [fingers]
-    units = [f'{drive.METRES_PER_UNIT}\N{NO-BREAK SPACE}m'] * len(_AXES) + ['–' if locked else 'm']
+    units = [f'{action_modes.METRES_PER_UNIT}\N{NO-BREAK SPACE}m'] * len(_AXES) + [
+        '–' if locked else 'm'
+    ]
     bounds = f'{float(spec.minimum)}', f'{float(spec.maximum)}'
     for number, (meaning, unit) in enumerate(zip(meanings, units, strict=True)):
         yield str(number), meaning, *bounds, unit

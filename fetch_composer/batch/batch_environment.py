@@ -14,7 +14,7 @@ from fetch_composer.batch.episodes import BatchEpisodes
 from fetch_composer.batch.pictures import BatchPictures
 from fetch_composer.entities import contact_pairs
 from fetch_composer.environment import Environment
-from fetch_composer.tasks import checks, drive, rewards, seeding, starts
+from fetch_composer.tasks import checks, rewards, seeding, starts
 from fetch_composer.tasks.state import State
 
 
@@ -63,6 +63,7 @@ class BatchEnvironment:
         # where episodes start.
         task_made = tasks.make(task, **task_kwargs)
         self._task_name, self._options = task_made.name, task_made.options
+        self._clip = self._options.mode.clip
         self._pictures: BatchPictures | None = None
         if self._options.observation_mode != 'features':
             self._pictures = BatchPictures(task, task_kwargs, self._num_envs)
@@ -228,7 +229,7 @@ class BatchEnvironment:
         """Advances every environment by one control step.
 
         Args:
-            actions: (num_envs, 4), each as for the single environment.
+            actions: (num_envs, n), each as for the single environment.
 
         Returns:
             A `dm_env.TimeStep` of arrays: `step_type`, `reward` and `discount` of shape
@@ -240,7 +241,7 @@ class BatchEnvironment:
                 the next step it starts anew, and the others go on.
         """
         self._check_open()
-        actions = drive.clip(actions, (self._num_envs,))
+        actions = self._clip(actions, (self._num_envs,))
         running = ~self._episodes.is_over
         if running.all():
             diverged = self._advance(actions, None)
@@ -259,7 +260,7 @@ class BatchEnvironment:
         """Advances some environments and returns the ids of those whose physics diverge.
 
         Args:
-            actions: (n, 4) clipped actions of these environments.
+            actions: (n, size of an action) clipped actions of these environments.
             ids: (n,) which ones; None for all, which needs no copies.
         """
         rows: Any = ... if ids is None else ids
@@ -292,7 +293,7 @@ class BatchEnvironment:
         return observation
 
     def single_action_spec(self) -> specs.BoundedArray:
-        """Returns the spec of one environment's action, shape (4,)."""
+        """Returns the spec of one environment's action, shape (4,) by default."""
         return self._compiled.action_spec()
 
     def single_observation_spec(self) -> dict[str, specs.Array]:
@@ -305,7 +306,7 @@ class BatchEnvironment:
         return spec
 
     def action_spec(self) -> specs.BoundedArray:
-        """Returns the spec of `step`'s argument, shape (num_envs, 4)."""
+        """Returns the spec of `step`'s argument, shape (num_envs, 4) by default."""
         return self._batched(self.single_action_spec())
 
     def observation_spec(self) -> dict[str, specs.Array]:

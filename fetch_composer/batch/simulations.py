@@ -36,7 +36,7 @@ class Simulations(Protocol):
         """Advances some by a control step; returns the ids of those that have diverged.
 
         Args:
-            actions: (n, 4) clipped actions of those simulations.
+            actions: (n, size of an action) clipped actions of those simulations.
             ids: (n,) which ones, in order; None for all.
         """
 
@@ -76,7 +76,7 @@ class ManySimulations:
         self._starts, self._variations = task.starts, task.variations
         self._varied = self._variations.fields(sims.expand, physical_only=True)
         self._substeps = task.physics_steps_per_control_step
-        self._drive = drive.Drive(sims.bind, task.addresses, task.convention, task.locked_gripper)
+        self._drive = drive.Drive(sims.bind, task.addresses, task.options, task.locked_gripper)
         self._observer = observation.BatchObserver(
             model,
             sims,
@@ -174,7 +174,7 @@ class OneSimulation:
         self._drive = drive.Drive(
             functools.partial(getattr, self._data),
             task.addresses,
-            task.convention,
+            task.options,
             task.locked_gripper,
         )
         self._observer = observation.GoalObserver(

@@ -9,7 +9,7 @@ from dm_control.composer import define
 from dm_control.composer.observation import observable
 from dm_control.entities.manipulators import base
 
-from fetch_composer.entities import fusing, hulls, looks
+from fetch_composer.entities import fusing, hulls, looks, servos
 
 _DIRECTORY = os.path.dirname(__file__)
 _ARM_XML = os.path.join(_DIRECTORY, 'fetch_arm.xml')
@@ -91,6 +91,7 @@ class FetchArm(base.RobotArm):
         moving_head: bool = False,
         gravity_compensation: bool = True,
         exact_hulls: bool = False,
+        actuated: bool = False,
     ) -> None:
         """Builds the arm.
 
@@ -104,6 +105,7 @@ class FetchArm(base.RobotArm):
             gravity_compensation: Whether the arm carries its own weight.
             exact_hulls: Whether links collide with hulls of the shapes that they have in
                 Gymnasium-Robotics, or with a few primitives, which cost less.
+            actuated: Whether position servos move the joints.
         """
         self._mjcf_root = mjcf.from_path(_ARM_XML)
         self._mjcf_root.model = name
@@ -128,6 +130,7 @@ class FetchArm(base.RobotArm):
         if gravity_compensation:
             _compensate_gravity(self._mjcf_root, 'shoulder_pan_link')
         self._joints = tuple(self._mjcf_root.find('joint', joint) for joint in ARM_JOINTS)
+        self._actuators = servos.add(self._mjcf_root, self._joints) if actuated else ()
 
     def _build_observables(self):
         return FetchArmObservables(self)
@@ -205,8 +208,8 @@ class FetchArm(base.RobotArm):
 
     @property
     def actuators(self) -> tuple[mjcf.Element, ...]:
-        """Empty: the arm is moved by a weld to a mocap body."""
-        return ()
+        """Servos of the seven joints; empty unless actuated, when a mocap body moves the arm."""
+        return self._actuators
 
     @property
     def wrist_site(self) -> mjcf.Element:

@@ -144,7 +144,8 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         """Advances one control step of 0.04 s.
 
         Args:
-            action: (4,) displacement of the gripper in units of 0.05 m, and its opening.
+            action: As the action space says; by default (4,), displacement of the gripper in units
+                of 0.05 m and its opening.
 
         Raises:
             ValueError: if the action has another shape or is not finite; nothing has changed.

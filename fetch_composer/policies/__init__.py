@@ -47,6 +47,7 @@ def _expert(context: PolicyContext, seed: int | None) -> Policy:
             f'There is no expert for the task {context.task_name!r}, only for '
             f'{", ".join(EXPERTS)}; valid for every task are random, zero.'
         )
+    context.check_default_action_mode('expert')
     return EXPERTS[context.task_name]()
 
 
@@ -94,6 +95,7 @@ def factory(name: str, context: PolicyContext, trust_pickle: bool = False) -> Po
         _POLICIES[name](context, None)
         return lambda seed: _POLICIES[name](context, seed)
     if name == _TRAINED:
+        context.check_default_action_mode(_TRAINED)
         return onnx_policy.factory(trained.path(context), context)
     if name.endswith('.onnx'):
         return onnx_policy.factory(name, context)

@@ -16,7 +16,7 @@ class VectorizedPolicy:
         """Initializes the policy.
 
         Args:
-            act_on_batch: Takes observations, (n, size) by name, and returns actions, (n, 4).
+            act_on_batch: Takes observations, (n, size) by name, and returns actions, (n, ...).
             reset: Called at the start of each episode, if given.
         """
         self._act_on_batch = act_on_batch
@@ -28,11 +28,11 @@ class VectorizedPolicy:
             self._reset()
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,)."""
+        """Returns an action."""
         return self.act_on_batch({name: value[None] for name, value in observation.items()})[0]
 
     def act_on_batch(self, observations: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns actions, (n, 4)."""
+        """Returns actions, a row each."""
         return as_action(self._act_on_batch(observations))
 
 

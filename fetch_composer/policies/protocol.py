@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from dm_env import specs
 
-from fetch_composer.tasks import checks
+from fetch_composer.tasks import action_modes, checks
 
 
 class ActionError(ValueError):
@@ -21,7 +21,7 @@ class Policy(Protocol):
         """Forgets the episode so far; call it at the start of each."""
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32 in [-1, 1], for an environment's observation."""
+        """Returns an action, (4,) by default, float32 in [-1, 1], for an observation."""
 
 
 class BatchPolicy(Policy, Protocol):
@@ -31,7 +31,7 @@ class BatchPolicy(Policy, Protocol):
     """
 
     def act_on_batch(self, observations: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns actions, (n, 4), for observations of n environments, (n, ...) by name.
+        """Returns actions, (n, 4) by default, for n observations, (n, ...) by name.
 
         Each row is what the policy returns when it is called with that row, to the bit, whatever
         other rows there are: episodes must not depend on what runs beside them.
@@ -47,19 +47,34 @@ class PolicyContext:
         convention: 'documented' or 'gymnasium_robotics'.
         action_spec: Spec of an action.
         observation_spec: Specs of an observation, by name.
+        action_mode: What its actions ask for.
     """
 
     task_name: str
     convention: str
     action_spec: specs.BoundedArray
     observation_spec: Mapping[str, specs.Array]
+    action_mode: str = action_modes.DISPLACEMENT.name
 
     @classmethod
     def of(cls, env) -> 'PolicyContext':
         """Returns the context of a single environment, as `fetch_composer.load` returns it."""
         return cls(
-            env.task.name, env.task.convention.name, env.action_spec(), env.observation_spec()
+            env.task.name,
+            env.task.convention.name,
+            env.action_spec(),
+            env.observation_spec(),
+            env.task.options.action_mode,
         )
+
+    def check_default_action_mode(self, policy_name: str) -> None:
+        """Raises `ValueError` if a policy that displaces the gripper is to act in another mode."""
+        default = action_modes.DISPLACEMENT.name
+        if self.action_mode != default:
+            raise ValueError(
+                f'The policy {policy_name} is for the action_mode {default!r} alone, not for '
+                f'{self.action_mode!r}; valid for every one are random, zero.'
+            )
 
 
 def as_action(value: Any) -> np.ndarray:

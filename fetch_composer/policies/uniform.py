@@ -29,7 +29,7 @@ class UniformPolicy:
         """Does nothing: the draws go on, so that episodes differ."""
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32, whatever the observation."""
+        """Returns an action, whatever the observation."""
         del observation  # Unused.
         action = self._generator.uniform(
             self._spec.minimum, self._spec.maximum, size=self._spec.shape

@@ -17,6 +17,6 @@ class ZeroPolicy:
         """Does nothing: there is nothing to reset."""
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32, whatever the observation."""
+        """Returns an action, whatever the observation."""
         del observation  # Unused.
         return np.zeros(self._spec.shape, self._spec.dtype)

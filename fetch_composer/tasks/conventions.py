@@ -9,6 +9,8 @@ import dataclasses
 
 import numpy as np
 
+from fetch_composer.tasks import action_modes
+
 # Points the gripper's x axis, along which its fingers extend, straight down.
 POINTING_DOWN = (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -41,6 +43,7 @@ class Convention:
         object_quaternion: The object's orientation at the start, (w, x, y, z).
         refresh_unlocked: Whether kinematics are brought up to date before observing a gripper
             that is not locked. Gymnasium-Robotics observes positions one substep late.
+        action_modes: Names of the ways to act that there are.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Convention:
     additive_rotation: bool
     object_quaternion: tuple[float, float, float, float]
     refresh_unlocked: bool
+    action_modes: tuple[str, ...]
 
 
 DOCUMENTED = Convention(
@@ -72,6 +76,7 @@ DOCUMENTED = Convention(
     additive_rotation=False,
     object_quaternion=POINTING_DOWN,
     refresh_unlocked=True,
+    action_modes=tuple(action_modes.MODES),
 )
 
 GYMNASIUM_ROBOTICS = Convention(
@@ -88,6 +93,7 @@ GYMNASIUM_ROBOTICS = Convention(
     additive_rotation=True,
     object_quaternion=_IDENTITY,
     refresh_unlocked=False,
+    action_modes=(action_modes.DISPLACEMENT.name,),
 )
 
 CONVENTIONS = {convention.name: convention for convention in (DOCUMENTED, GYMNASIUM_ROBOTICS)}

@@ -1,4 +1,4 @@
-"""The control law: what an action does to the gripper, and how a start is put in place.
+"""The control law: what an action does to the arm, and how a start is put in place.
 
 It is written for arrays of shape (...,), of which () is one simulation and (n,) are many.
 """
@@ -8,56 +8,25 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from dm_env import specs
 
-from fetch_composer.tasks import checks, conventions
+from fetch_composer.tasks import conventions, rotations
+from fetch_composer.tasks.action_modes import (
+    JOINT_RADIANS_PER_UNIT,
+    METRES_PER_UNIT,
+    RADIANS_PER_UNIT,
+)
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.starts import StartState
-
-ACTION_SIZE = 4
-METRES_PER_UNIT = 0.05  # Displacement that an action of 1 asks for.
 
 # What Gymnasium-Robotics adds to the gripper's quaternion to get the mocap body's.
 _ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
 _FIXED_ROTATION = np.array(conventions.POINTING_DOWN)
 
-_SHAPE_OF_ONE = (ACTION_SIZE,)
-
-ACTION_SPEC = specs.BoundedArray(
-    shape=(ACTION_SIZE,), dtype=np.float32, minimum=-1, maximum=1, name='dx\tdy\tdz\tgripper'
-)
-
-
-def clip(action, batch_shape: tuple[int, ...] = ()) -> np.ndarray:
-    """Returns the action with each component clipped to [-1, 1], in its own precision.
-
-    The precision matters: Gymnasium-Robotics scales a float32 action in float32.
-
-    Args:
-        action: (*batch_shape, 4) displacement of the gripper along x, y and z in units of
-            0.05 m, and the opening of its fingers.
-        batch_shape: () for one action.
-
-    Raises:
-        ValueError: if it has another shape, is not finite, or has values that are masked.
-    """
-    array = action if type(action) is np.ndarray else checks.array('An action', action)
-    if array.shape == _SHAPE_OF_ONE and not batch_shape and array.dtype.kind in 'fiu':
-        # For four numbers, plain floats are faster than any function of arrays.
-        a, b, c, d = array.tolist()
-        if -1 <= a <= 1 and -1 <= b <= 1 and -1 <= c <= 1 and -1 <= d <= 1:
-            return array
-    shape = (*batch_shape, ACTION_SIZE)
-    if array.shape != shape:
-        raise ValueError(f'An action of shape {shape} is needed, got {array.shape}.')
-    if not checks.is_numeric(array):
-        raise ValueError(f'An action of floats is needed, got dtype {array.dtype}.')
-    if not np.isfinite(array).all():
-        if batch_shape:
-            rows = np.flatnonzero(~np.isfinite(array).all(axis=-1)).tolist()
-            raise ValueError(f'Actions must be finite; rows {rows} are not.')
-        raise ValueError(f'An action must be finite, got {array.tolist()}.')
-    return array.clip(-1, 1)
+# How far ahead of the gripper and of a joint their targets may be. At full speed, the one follows
+# 0.06 to 0.15 rad behind and the other 0.2.
+_FURTHEST_ROTATION = 0.3  # rad
+_FURTHEST_TARGET = 0.25  # rad
 
 
 def refresh(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -76,13 +45,13 @@ def fall_behind(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 class Drive:
-    """Moves the gripper of one simulation, or of many at once."""
+    """Moves the arm of one simulation, or of many at once."""
 
     def __init__(
         self,
         bind: Callable[[str], np.ndarray],
         addresses: Addresses,
-        convention: conventions.Convention,
+        options: TaskOptions,
         locked_gripper: bool,
     ) -> None:
         """Looks up the arrays that it reads and writes.
@@ -91,17 +60,24 @@ class Drive:
             bind: Returns a live array of MuJoCo's data by name, (..., size): () for one
                 simulation and (n,) for many.
             addresses: Where things are in them.
-            convention: Decides on the gripper's rotation and on what a locked gripper is.
+            options: Their convention decides on the gripper's rotation and on what a locked
+                gripper is, and their action mode on what an action moves.
             locked_gripper: Whether the gripper stays closed.
         """
+        convention, mode = conventions.CONVENTIONS[options.convention], options.mode
+        self.clip = mode.clip
+        self._moves_joints, self._turns_gripper = bool(mode.joints), bool(mode.rotation)
         self._additive_rotation = convention.additive_rotation
         self._locked_gripper = locked_gripper
         # Fingers that slide within a control step, and are put back at its end.
         self.loose_fingers = locked_gripper and not convention.rigid_lock
         # Whether observations are those of the state, or of one substep earlier.
         self.observes_current_state = locked_gripper or convention.refresh_unlocked
-        self._qpos, self._qvel, self._control = bind('qpos'), bind('qvel'), bind('ctrl')
+        self._qpos, self._qvel = bind('qpos'), bind('qvel')
         self._fingers = self._qpos[..., addresses.finger_qpos]
+        self._finger_control = bind('ctrl')[..., addresses.finger_control]
+        self._arm_qpos, self._targets = addresses.arm_qpos, bind('ctrl')[..., addresses.arm_control]
+        self._lowest_target, self._highest_target = addresses.arm_control_range.T
         self._mocap_position = bind('mocap_pos')[..., addresses.mocap, :]
         self._mocap_quaternion = bind('mocap_quat')[..., addresses.mocap, :]
         self._gripper_position = bind('xpos')[..., addresses.gripper_link, :]
@@ -120,6 +96,8 @@ class Drive:
         self._qvel[rows] = state.qvel
         self._mocap_position[rows] = state.mocap_position
         self._mocap_quaternion[rows] = state.mocap_quaternion
+        if self._moves_joints:
+            self._targets[rows] = state.qpos[self._arm_qpos]
         self._forget_restored(rows)
 
     def gripper_pose(self, rows: Any = ...) -> np.ndarray:
@@ -150,9 +128,29 @@ class Drive:
         """Asks for what an action asks for, before the physics advances.
 
         Args:
-            action: (..., 4) clipped actions of those simulations.
+            action: (..., n) clipped actions of those simulations.
             rows: An index of the simulations to write to; ... for all.
         """
+        if self._moves_joints:
+            self._move_joints(action[..., :-1], rows)
+        else:
+            self._move_gripper(action, rows)
+        if not self._locked_gripper:
+            self._finger_control[rows] = self._fingers[rows] + action[..., -1:]
+
+    def _move_joints(self, change: np.ndarray, rows: Any) -> None:
+        """Moves the targets of the servos.
+
+        A target moves from where it is, not from where its joint is, so that a 0 holds the arm
+        and changes add up. Like a rotation, it does not get far ahead of what cannot follow.
+        """
+        targets = self._targets[rows] + change * JOINT_RADIANS_PER_UNIT
+        joints = self._qpos[rows][..., self._arm_qpos]
+        targets = targets.clip(joints - _FURTHEST_TARGET, joints + _FURTHEST_TARGET)
+        self._targets[rows] = targets.clip(self._lowest_target, self._highest_target)
+
+    def _move_gripper(self, action: np.ndarray, rows: Any) -> None:
+        """Moves the mocap body, to which the gripper is welded, from where the gripper is."""
         displacement = action[..., :3] * METRES_PER_UNIT
         position, quaternion = self._gripper_position, self._gripper_quaternion
         if self._restored is not None:
@@ -165,10 +163,32 @@ class Drive:
             self._mocap_position[rows] = position[rows] + displacement
         if self._additive_rotation:
             self._mocap_quaternion[rows] = quaternion[rows] + _ADDED_ROTATION
+        elif self._turns_gripper:
+            self._mocap_quaternion[rows] = self._turned(action[..., 3:-1], rows)
         else:
             self._mocap_quaternion[rows] = _FIXED_ROTATION
-        if not self._locked_gripper:
-            self._control[rows] = self._fingers[rows] + action[..., 3:]
+
+    def _turned(self, rotation: np.ndarray, rows: Any) -> np.ndarray:
+        """Returns the mocap body's orientation, turned.
+
+        It is its own that is turned, not the gripper's: what an object or the softness of the weld
+        does to that is undone, so that a 0 holds it and rotations add up. But a gripper that
+        cannot follow, such as at the end of a joint's range, is not left behind for long: else
+        turning back would do nothing at first, and half a turn ahead would be half a turn behind.
+
+        Args:
+            rotation: (..., 1 or 3) last components of a rotation vector, in units.
+            rows: As for `act`.
+        """
+        vector = np.zeros((*rotation.shape[:-1], 3))
+        vector[..., -rotation.shape[-1] :] = rotation
+        vector *= RADIANS_PER_UNIT
+        return rotations.held_near(
+            rotations.turned(self._mocap_quaternion[rows], vector),
+            self._gripper_quaternion[rows],
+            _FURTHEST_ROTATION,
+            axes=rotation.shape[-1],
+        )
 
     def relock(self, rows: Any = ...) -> None:
         """Puts loose fingers back, after the physics has advanced."""

@@ -88,7 +88,9 @@ class GoalTask(GoalConditionedTask):
         self.workspace = workspace
         self.locked_gripper = locked_gripper
         self._settled = settled
-        self.scene = scene.Scene(workspace, self.convention, objects, obstacles, locked_gripper)
+        self.scene = scene.Scene(
+            workspace, self.convention, objects, obstacles, locked_gripper, options.mode
+        )
         super().__init__(options, self.scene.num_goals)
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=PHYSICS_TIMESTEP)
         self._task_observables = self._build_task_observables()
@@ -194,7 +196,7 @@ class GoalTask(GoalConditionedTask):
         self._model, self._data = model, data
         self.addresses = Addresses.of(self.scene, physics)
         bind = functools.partial(getattr, data)
-        self._drive = drive.Drive(bind, self.addresses, self.convention, self.locked_gripper)
+        self._drive = drive.Drive(bind, self.addresses, self.options, self.locked_gripper)
         self._observer = observation.GoalObserver(
             model,
             data,
@@ -206,9 +208,7 @@ class GoalTask(GoalConditionedTask):
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
         self._goal.compile(model, self.addresses, self._observer)
-        self.identity = state_lib.identity(
-            self.name, self.options.convention, model, self.scene.num_goals
-        )
+        self.identity = state_lib.identity(self.name, self.options, model, self.scene.num_goals)
         self.starts.compile(physics, self.addresses)
         self.close()
         if any(
@@ -291,7 +291,7 @@ class GoalTask(GoalConditionedTask):
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.
-        action = drive.clip(action)
+        action = self._drive.clip(action)
         self._steps_taken += 1
         self._drive.act(action)
 
@@ -306,4 +306,4 @@ class GoalTask(GoalConditionedTask):
 
     def action_spec(self, physics) -> specs.BoundedArray:
         del physics  # Unused.
-        return drive.ACTION_SPEC
+        return self.options.mode.spec

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-from fetch_composer.tasks import checks, conventions, rewards
+from fetch_composer.tasks import action_modes, checks, conventions, rewards
 from fetch_composer.tasks import pixels as pixels_lib
 
 MAX_EPISODE_STEPS = 50
@@ -20,6 +20,9 @@ class TaskOptions:
         terminate_on_success: Whether an episode ends as soon as its goal is achieved, with
             discount 0.
         convention: 'documented' or 'gymnasium_robotics'.
+        action_mode: What an action moves: 'displacement' of the gripper, 'displacement+yaw',
+            'displacement+rotation', or the 'joints' of the arm. The convention
+            'gymnasium_robotics' has the first alone.
         object_position: (2,) x and y in m at which the object starts in every episode; with several
             objects, two numbers for each.
         goal: (3,) desired goal in m of every episode; with several objects, three for each.
@@ -38,6 +41,7 @@ class TaskOptions:
     max_episode_steps: int | None = MAX_EPISODE_STEPS
     terminate_on_success: bool = False
     convention: str = 'documented'
+    action_mode: str = action_modes.DISPLACEMENT.name
     object_position: Sequence[float] | None = None
     goal: Sequence[float] | None = None
     observation_mode: str = 'features'
@@ -48,6 +52,13 @@ class TaskOptions:
         checks.one_of('reward_type', self.reward_type, rewards.REWARD_TYPES)
         checks.one_of('convention', self.convention, conventions.CONVENTIONS)
         checks.one_of('observation_mode', self.observation_mode, pixels_lib.OBSERVATION_MODES)
+        checks.one_of('action_mode', self.action_mode, action_modes.MODES)
+        modes = conventions.CONVENTIONS[self.convention].action_modes
+        if self.action_mode not in modes:
+            raise ValueError(
+                f'The convention {self.convention!r} has no action_mode {self.action_mode!r}; '
+                f'valid are {", ".join(modes)}.'
+            )
         if self.max_episode_steps is not None:
             steps = checks.integer(
                 'max_episode_steps', self.max_episode_steps, 1, 'None for episodes that never end'
@@ -61,6 +72,11 @@ class TaskOptions:
     def object_quaternion(self) -> tuple[float, float, float, float]:
         """(w, x, y, z) at which the convention starts an object."""
         return conventions.CONVENTIONS[self.convention].object_quaternion
+
+    @property
+    def mode(self) -> action_modes.ActionMode:
+        """What the numbers of an action ask for."""
+        return action_modes.MODES[self.action_mode]
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(TaskOptions))

@@ -7,7 +7,7 @@ import numpy as np
 from dm_control import mjcf
 
 from fetch_composer import entities
-from fetch_composer.tasks import checks, conventions
+from fetch_composer.tasks import action_modes, checks, conventions
 
 # A goal may lie this far below and above the table's surface, in m.
 _GOAL_BELOW_TABLE = 0.02
@@ -86,6 +86,7 @@ class Scene:
         objects: Sequence[entities.Block],
         obstacles: Sequence[entities.Obstacle],
         locked_gripper: bool,
+        mode: action_modes.ActionMode = action_modes.DISPLACEMENT,
     ) -> None:
         """Assembles the scene.
 
@@ -95,6 +96,7 @@ class Scene:
             objects: What is moved to the goals; each has another name.
             obstacles: What stands fixed, and where no object may start.
             locked_gripper: Whether the gripper stays closed.
+            mode: Decides on what moves the arm: a mocap body, or servos of its joints.
         """
         self.workspace = workspace
         self.arena = entities.Arena()
@@ -108,6 +110,7 @@ class Scene:
             moving_head=convention.moving_head,
             gravity_compensation=convention.gravity_compensation,
             exact_hulls=convention.exact_hulls,
+            actuated=bool(mode.joints),
         )
         self.gripper = entities.FetchGripper(
             finger_joints=not (locked_gripper and convention.rigid_lock),
@@ -127,7 +130,8 @@ class Scene:
 
         self.mocap = entities.Mocap()
         self.mocap_frame = self.mocap.attach_to(self.arena)
-        self.mocap.weld_to(self.gripper.gripper_link)
+        if not mode.joints:
+            self.mocap.weld_to(self.gripper.gripper_link)
 
         self.object_joints = [each.attach_to(self.arena) for each in self.objects]
 

@@ -14,11 +14,12 @@ import mujoco
 import numpy as np
 
 from fetch_composer.tasks import checks, drive
+from fetch_composer.tasks.options import TaskOptions
 
 _PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _SEPARATOR = '/'
 _MOST_STEPS = 2**31  # Which a batch can count.
-_NAMES = ('task_name', 'convention', 'model', 'version')
+_NAMES = ('task_name', 'convention', 'action_mode', 'model', 'version')
 
 # What of a compiled model decides on motion; of geoms, only those that touch things count.
 _BODY_FIELDS = (
@@ -36,6 +37,7 @@ class State:
     Attributes:
         task_name: Name of its task.
         convention: Name of its convention.
+        action_mode: What its actions ask for.
         model: A digest of what of its model decides on motion.
         version: Version of MuJoCo.
         physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`).
@@ -51,6 +53,7 @@ class State:
 
     task_name: str
     convention: str
+    action_mode: str
     model: str
     version: str
     physics: np.ndarray
@@ -107,6 +110,7 @@ class Identity:
 
     task_name: str
     convention: str
+    action_mode: str
     model: str
     version: str
     shapes: Mapping[str, tuple[int, ...]]  # Of a state's arrays.
@@ -138,7 +142,9 @@ class Identity:
             checks.mapping(f'{name} of the state', getattr(state, name))
 
 
-def identity(task_name: str, convention: str, model: mujoco.MjModel, num_goals: int) -> Identity:
+def identity(
+    task_name: str, options: TaskOptions, model: mujoco.MjModel, num_goals: int
+) -> Identity:
     """Returns the identity of an environment whose model has just been compiled."""
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
@@ -148,7 +154,8 @@ def identity(task_name: str, convention: str, model: mujoco.MjModel, num_goals: 
         digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
     return Identity(
         task_name,
-        convention,
+        options.convention,
+        options.action_mode,
         digest.hexdigest()[:16],
         metadata.version('mujoco'),
         shapes={

@@ -136,6 +136,7 @@ class BatchRollout:
             self._batch.options.convention,
             self._batch.single_action_spec(),
             self._batch.single_observation_spec(),
+            self._batch.options.action_mode,
         )
         observation = next(_rows(self._batch.reset().observation))
         return tried_policy(self._options, context, observation, load_policy)
@@ -262,7 +263,7 @@ def _check_finite(action: np.ndarray, seeds: Sequence[int]) -> None:
 
 
 def _acting_on_rows(acting: Sequence[policies.Policy]) -> _Act:
-    """Returns what gives each environment's action, (n, 4): in one call, if one policy is all.
+    """Returns what gives each environment's action, (n, ...): in one call, if one policy is all.
 
     Rows that do not run get actions of 0, and no policy is asked for them alone.
     """

@@ -17,7 +17,7 @@ class Episode:
         observation: (T + 1, n) observations, the first of them after the reset.
         achieved_goal: (T + 1, 3) positions in m; (T + 1, 3 n) for n objects.
         desired_goal: The same.
-        action: (T, 4) actions.
+        action: (T, size of an action) actions.
         reward: (T,) rewards.
         step_seconds: Time spent in the environment's `step`, in s.
     """

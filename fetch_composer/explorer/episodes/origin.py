@@ -12,7 +12,7 @@ import numpy as np
 from fetch_composer.tasks.state import State
 
 _OBSERVED = ('observation', 'achieved_goal', 'desired_goal')
-_IDENTITY = ('task_name', 'convention', 'model', 'version')
+_IDENTITY = ('task_name', 'convention', 'action_mode', 'model', 'version')
 _TOLERANCE = 1e-9  # m, rad; as of a replay.
 
 

@@ -19,7 +19,6 @@ _ALL = 30  # With more episodes, lines are drawn as pixels, and of actions only 
 _DPI = 200  # Of what is drawn as pixels.
 _BAND = (10, 90)  # Percentiles.
 _THRESHOLD_CM = 100 * rewards.DISTANCE_THRESHOLD
-_COMPONENTS = ('x', 'y', 'z', 'fingers')
 _MOST_BINS = 40
 _NEAREST_CM = 0.01  # On a logarithmic axis.
 
@@ -142,18 +141,21 @@ def final_distances(episodes: Sequence[Episode], highest_cm: float) -> str:
     return result[0]
 
 
-def actions_over_time(episodes: Sequence[Episode], control_timestep: float) -> str:
-    """Returns a plot of the four components of the actions, with median and band.
+def actions_over_time(
+    episodes: Sequence[Episode], control_timestep: float, components: Sequence[str]
+) -> str:
+    """Returns a plot of the components of the actions, with median and band.
 
     Args:
         episodes: The episodes; one that has ended no longer counts.
         control_timestep: Seconds from one control step to the next.
+        components: Their names.
     """
     actions = np.clip(padded([each.action for each in episodes]), -1, 1)
     seconds = control_timestep * np.arange(actions.shape[1])
-    with svg(5.6) as (canvas, result):
-        rows = canvas.subplots(len(_COMPONENTS), 1, sharex=True)
-        for component, (axes, name) in enumerate(zip(rows, _COMPONENTS, strict=True)):
+    with svg(1.4 * len(components)) as (canvas, result):
+        rows = canvas.subplots(len(components), 1, sharex=True)
+        for component, (axes, name) in enumerate(zip(rows, components, strict=True)):
             values = actions[:, :, component]
             axes.axhline(0, color=style.FAINT, linewidth=0.6)
             if len(episodes) <= _ALL:

@@ -18,6 +18,7 @@ from fetch_composer.explorer.report import replay_page
 from fetch_composer.explorer.results import compare, statistics, writing
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
+from fetch_composer.tasks import action_modes
 
 MOST_FILMS = replay_page.MOST  # Within the page; more of them stay beside it.
 FIRST_ROWS = 50  # Of the episodes, before one asks for more.
@@ -110,6 +111,7 @@ def _shortened(policy: str, most: int = 32) -> str:
 def _plots(candidates: Sequence[Candidate], setting: Setting) -> list[dict[str, Any]]:
     """Returns the plots of all episodes: by subject, one for each policy, to the same scale."""
     step = setting.control_timestep
+    components = action_modes.MODES[setting.identity.action_mode].components
     highest_cm = 100 * max(e.distance.max() for each in candidates for e in each.episodes)
     furthest_cm = 100 * max(e.distance[-1] for each in candidates for e in each.episodes)
 
@@ -143,7 +145,7 @@ def _plots(candidates: Sequence[Candidate], setting: Setting) -> list[dict[str, 
         {
             'title': 'Actions',
             'note': 'Median and the range from 10 to 90 %, in units of an action.',
-            'images': of_each(lambda x: charts.actions_over_time(x, step)),
+            'images': of_each(lambda x: charts.actions_over_time(x, step, components)),
         },
     ]
 

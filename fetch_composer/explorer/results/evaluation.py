@@ -85,7 +85,7 @@ def evaluate(
         num_envs: How many episodes run at a time; it changes none of them.
         num_threads: Threads that share them; by default one for each processor.
         vectorized: Whether the policy is a function that takes observations of many environments,
-            (n, ...), and returns their actions, (n, 4).
+            (n, ...), and returns their actions, (n, 4) by default.
         trust_pickle: Whether code within a policy's file may run.
         on_progress: Called after every step of the batch, with the number of episodes that took
             it; what it raises ends the evaluation.

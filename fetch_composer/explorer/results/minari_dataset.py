@@ -103,6 +103,7 @@ def save(
                 env_id,
                 max_episode_steps=task_options.max_episode_steps,
                 terminate_on_success=task_options.terminate_on_success,
+                action_mode=task_options.action_mode,
                 **{name: place for name, place in given.items() if place is not None},
             )
         ) as environment:

@@ -15,6 +15,7 @@ FIXED: Mapping[str, Any] = {
     'object_position': None,
     'goal': None,
     'terminate_on_success': False,
+    'action_mode': 'displacement',
     'from_state': None,
 }
 HEADER = ('task', 'convention', 'policy', 'success (%)', 'return', 'distance (cm)')
@@ -38,8 +39,9 @@ def check(values: Mapping[str, Any]) -> None:
         if values[name] != value:
             raise ValueError(
                 f'standard is of seeds {seeds.STANDARD[0]} to {seeds.STANDARD[-1]}, '
-                f'{rules["max_episode_steps"]} control steps, {FIXED["reward_type"]} reward, and '
-                f'drawn places; got {name} {values[name]}. Leave out {name}, or standard.'
+                f'{rules["max_episode_steps"]} control steps, {FIXED["reward_type"]} reward, drawn '
+                f'places, and action_mode {FIXED["action_mode"]}; got {name} {values[name]}. Leave '
+                f'out {name}, or standard.'
             )
 
 

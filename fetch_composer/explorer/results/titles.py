@@ -3,6 +3,7 @@
 from fetch_composer.explorer.results import summary
 from fetch_composer.explorer.results.candidate import Candidate
 from fetch_composer.explorer.results.setting import Setting
+from fetch_composer.tasks import action_modes
 
 _LONGEST_POLICY = 28
 
@@ -10,8 +11,10 @@ _LONGEST_POLICY = 28
 def title(candidate: Candidate, setting: Setting) -> str:
     """Returns the title of a picture about a policy's episodes."""
     reached = sum(episode.is_success for episode in candidate.episodes)
+    mode = setting.identity.action_mode
+    way = '' if mode == action_modes.DISPLACEMENT.name else f', {mode}'
     return (
-        f'{setting.task_name} · {candidate.policy} · {setting.convention}: '
+        f'{setting.task_name} · {candidate.policy} · {setting.convention}{way}: '
         f'{reached} of {len(candidate.episodes)} end at the goal'
     )
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fetch_composer.tasks.drive import METRES_PER_UNIT
+from fetch_composer.tasks.action_modes import METRES_PER_UNIT
 
 # The weld is soft: in one control step the gripper moves two thirds of what is asked for.
 _GAIN = 1.5

@@ -36,7 +36,7 @@ class CodePolicy:
             reset()
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns what the code returns, which should be (4,) numbers, as an array."""
+        """Returns what the code returns, which should be an action, as an array."""
         return as_action(self._act(observation))
 
 

@@ -18,7 +18,7 @@ class NetworkPolicy:
         """Initializes the policy.
 
         Args:
-            act: Takes observations, (rows, size) by name, and returns actions, (rows, 4).
+            act: Takes observations, (rows, size) by name, and returns actions, (rows, n).
             rows: How many at a time. Where a row turns out to depend on the others, or the
                 network refuses so many, it is 1.
             sizes: How many numbers each observation has, by name.
@@ -30,11 +30,11 @@ class NetworkPolicy:
         """Does nothing: there is nothing to reset."""
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns an action, (4,) float32."""
+        """Returns an action, float32."""
         return self.act_on_batch({name: value[None] for name, value in observation.items()})[0]
 
     def act_on_batch(self, observations: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Returns actions, (n, 4) float32, for observations, (n, size) by name."""
+        """Returns actions, a float32 row each, for observations, (n, size) by name."""
         count, actions = len(next(iter(observations.values()))), []
         for start in range(0, count, self._rows):
             some = {name: each[start : start + self._rows] for name, each in observations.items()}
