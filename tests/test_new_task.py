@@ -1,4 +1,4 @@
-"""The task in docs/new_task.md, run as it stands there."""
+"""The tasks in docs/new_task.md, run as they stand there."""
 
 import pathlib
 import re
@@ -15,7 +15,7 @@ _PAGE = pathlib.Path(__file__).parents[1] / 'docs' / 'new_task.md'
 
 @pytest.fixture
 def module():
-    (code,) = re.findall(r'```python\n(.*?)```', _PAGE.read_text(), re.DOTALL)
+    code, _ = re.findall(r'```python\n(.*?)```', _PAGE.read_text(), re.DOTALL)
     namespace: dict = {}
     exec(compile(code, str(_PAGE), 'exec'), namespace)
     return namespace
@@ -66,3 +66,19 @@ def test_a_name_is_given_once(module):
         tasks.register('push')(module['PushThroughGate'])
     with pytest.raises(ValueError, match='valid are documented'):
         fetch_composer.load('push_through_gate', convention='gymnasium_robotics')
+
+
+def test_the_documented_puck_slides_and_the_block_stays():
+    _, code = re.findall(r'```python\n(.*?)```', _PAGE.read_text(), re.DOTALL)
+    namespace: dict = {'__name__': 'documents'}  # As other tests of documents have it.
+    exec(compile(code, str(_PAGE), 'exec'), namespace)
+    env = namespace['two']
+    env.task.set_next_episode(object_position=(1.2, 0.75, 1.4, 0.75))
+    before = env.reset().observation['achieved_goal']
+    for joint in env.task.scene.object_joints:
+        env.physics.bind(joint).qvel[1] = 0.5  # m/s
+    for _ in range(20):
+        after = env.step(np.zeros(4)).observation['achieved_goal']
+    puck, block = (after - before).reshape(2, 3)[:, 1]
+    assert puck > 0.08 > 0.03 > block > 0
+    assert env.task.options.max_episode_steps == 100
