@@ -51,7 +51,7 @@ class Run:
         self.options = options
         self._gl_backend = gl_backend
         user_modules.load_all(options.imports)
-        of_episodes = [options.of_episodes(policy) for policy in options.policy]
+        of_episodes = [options.of_episodes(policy) for policy in options.policies]
         self._env = suite.load(suite.DOMAIN, options.task, of_episodes[0].task_kwargs)
         if options.origin is not None:
             options.origin.check(self._env, options.seeds)
@@ -61,7 +61,7 @@ class Run:
             Candidate(
                 each.policy,
                 f'{number}_{file_name(each.policy)}',
-                len(options.policy) == 1,
+                len(options.policies) == 1,
                 batch_rollout.tried_policy(each, context, observation),
             )
             for number, each in enumerate(of_episodes, start=1)
@@ -168,7 +168,7 @@ class Run:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
         total = len(self.candidates) * options.episodes
-        bar.start(options.policy[0], 'step', total * options.steps, self.finished * options.steps)
+        bar.start(options.policies[0], 'step', total * options.steps, self.finished * options.steps)
 
         def advance(steps: int) -> None:
             on_progress()
@@ -281,7 +281,7 @@ class Run:
         takes = replay_page.takes_of(candidates)
         if not takes:
             return None
-        title = f'{self.options.task} · {" / ".join(self.options.policy)}'
+        title = f'{self.options.task} · {" / ".join(self.options.policies)}'
         try:
             return replay_page.render(takes, self._env, self.options.camera, title)
         except replay_page.ReplayPageError as error:
@@ -311,7 +311,7 @@ class Run:
         identity = {
             'task': options.task,
             **dataclasses.asdict(options.task_options),
-            'policies': [[each, policies.digest(each)] for each in options.policy],
+            'policies': [[each, policies.digest(each)] for each in options.policies],
             'imports': [[each, user_modules.digest(each)] for each in options.imports],
             'versions': provenance.versions(),
             'code': provenance.code_digest(),
