@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 
 from fetch_composer import policies
+from fetch_composer.explorer.datasets import formats
 from fetch_composer.explorer.episodes import batch_rollout, memory, origin
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
@@ -53,7 +54,8 @@ class Options:
         trust_pickle: Whether to read a Stable-Baselines3 zip, which can run code as it is read.
         output_dir: Folder to write into; by default output/<task>_<policy>.
         ray: Ray cluster to run the episodes on: its address, or local for one of this machine.
-        dataset: Minari dataset to write the episodes to: [namespace/]name-v0.
+        dataset: Dataset to write the episodes to: minari:[namespace/]name-v0 (or the name alone),
+            ogbench:PATH.npz, or lerobot:DIR.
         imports: Module to import first, which registers a task of your own; it may lie in the
             working folder.
         from_state: The trajectories.npz of another run, whose filmed episodes the policy goes on
@@ -115,11 +117,9 @@ class Options:
 
             ray_rollout.check_address(self.ray)
         if self.dataset is not None:
-            from fetch_composer.explorer.results import minari_dataset
-
             if len(self.policies) > 1:
                 raise ValueError('dataset is of one policy; give a single --policy.')
-            minari_dataset.check_name(self.dataset)
+            formats.dataset(self.dataset).check(self.seeds)
 
     def _check_size(self) -> None:
         steps = self.task_options.max_episode_steps or 1

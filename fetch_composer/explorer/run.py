@@ -10,6 +10,8 @@ from typing import Any
 
 from fetch_composer import policies, suite, user_modules
 from fetch_composer.explorer import files, flags, progress, signals
+from fetch_composer.explorer.datasets import contents, formats
+from fetch_composer.explorer.datasets import writing as dataset_writing
 from fetch_composer.explorer.episodes import batch_rollout, provenance, replay
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import drawing, film
@@ -68,6 +70,12 @@ class Run:
         ]
         camera.check_name(self._env.physics, options.camera)
         identity = self._identity()
+        self._dataset = None if options.dataset is None else formats.dataset(options.dataset)
+        self._about: dict[str, Any] = {}
+        if self._dataset is not None:
+            look = self._look.name if self._dataset.needs_pictures else None
+            self._about = contents.about(identity, self._env.task.identity, options.seeds, look)
+            dataset_writing.check(self._dataset, self._about, gl_backend)
         files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, identity, fresh)
         for folder in {options.folder, *(options.folder / c.path('') for c in self.candidates)}:
@@ -116,7 +124,7 @@ class Run:
                     raise signals.Stopped
 
             with contextlib.suppress(signals.Stopped), contextlib.ExitStack() as stack:
-                drawer = stack.enter_context(self._drawer())
+                drawer = stack.enter_context(self._drawer(self.options.films != 'none'))
                 bar = stack.enter_context(progress.Progress())
                 self._run_episodes(bar, on_progress)
                 if drawer is not None:
@@ -132,7 +140,11 @@ class Run:
             if failure is not None:
                 raise failure
             if self._is_complete:
-                written.extend(self._write_dataset())
+                try:
+                    written.extend(self._write_dataset(on_progress))
+                except signals.Stopped:
+                    self.stopped_by = noted[0]
+                    return written
                 self._store.discard()
             return written
 
@@ -152,15 +164,19 @@ class Run:
             each.films.keys() == set(self._chosen()) for each in self.candidates
         )
 
-    def _drawer(self) -> contextlib.AbstractContextManager[drawing.Drawer | None]:
-        """Returns what takes the films; it gets ready while the episodes are run."""
+    def _drawer(self, is_needed: bool) -> contextlib.AbstractContextManager[drawing.Drawer | None]:
+        """Returns what takes pictures; it gets ready while the episodes are run."""
         options = self.options
-        if self._gl_backend is None or options.films == 'none':
+        if self._gl_backend is None or not is_needed:
             return contextlib.nullcontext()
-        look = drawing.Look(
+        return drawing.Drawer(options.of_episodes(''), self._look, self._gl_backend)
+
+    @property
+    def _look(self) -> drawing.Look:
+        options = self.options
+        return drawing.Look(
             options.camera, options.width, options.height, options.supersampling, options.fps
         )
-        return drawing.Drawer(options.of_episodes(''), look, self._gl_backend)
 
     def _run_episodes(self, bar: progress.Progress, on_progress: Callable[[], None]) -> None:
         options = self.options
@@ -288,23 +304,14 @@ class Run:
             self.remarks.append(f'No {writing.REPLAY}: {error}')
             return None
 
-    def _write_dataset(self) -> list[writing.Written]:
-        if self.options.dataset is None:
+    def _write_dataset(self, on_progress: Callable[[], None]) -> list[writing.Written]:
+        if self._dataset is None:
             return []
-        from fetch_composer.explorer.results import minari_dataset
-
         (candidate,) = self.candidates
-        folder = minari_dataset.save(
-            self.options.dataset,
-            self.options.of_episodes(candidate.policy),
-            candidate.episodes,
-            self.options.folder,
-        )
-        return [
-            writing.Written(
-                [str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})'
-            )
-        ]
+        of_episodes = self.options.of_episodes(candidate.policy)
+        holds = contents.Contents(of_episodes, candidate.episodes, self._about, self.options.folder)
+        dataset_writing.write(self._dataset, holds, lambda: self._drawer(True), on_progress)
+        return [writing.Written([str(self._dataset.path.resolve())], self._dataset.reading)]
 
     def _identity(self) -> dict[str, Any]:
         options = self.options

@@ -45,6 +45,7 @@ class GoalTask(composer.Task):
     Attributes:
         name: Name under which the task is registered.
         identity: What a state must share with it, once it is compiled.
+        instruction: What one would tell a robot to do, in words.
         conventions: Names of the conventions that it has.
         options: The options that it was given.
         convention: The choices that its convention makes.
@@ -57,6 +58,7 @@ class GoalTask(composer.Task):
     """
 
     name = 'unregistered'
+    instruction = 'reach the red mark'
     conventions: tuple[str, ...] = (conventions.DOCUMENTED.name,)
     random: np.random.RandomState | None = None
 
@@ -244,8 +246,6 @@ class GoalTask(composer.Task):
             mujoco.mj_setConst(self._model, self._data)
             self._model.stat.extent, self._model.stat.center[:] = extent, centre
         physics.reset()  # Neither leaves the state as it was.
-
-    # -- The whole state -----------------------------------------------------------------------
 
     def get_state(self, random_state: np.random.RandomState, is_over: bool) -> state_lib.State:
         """Returns the state; see `Environment.get_state`."""
