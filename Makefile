@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves results test test-only test-clients check format docs gallery build bench soak parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients check format docs datasets gallery build bench soak parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -24,9 +24,10 @@ test: check test-only  ## Check the code and run the tests.
 test-only: $(VENV)/.test gl  ## Run the tests.
 	$(BIN)/python -m pytest -n auto
 
-# Each client has an environment of its own, but the two that need torch, which takes 6 GB, share one.
+# Each client has an environment of its own; but Stable-Baselines3 and TorchRL share one with torch, which takes
+# 6 GB, and Minari and OGBench another. LeRobot wants an older torch.
 CLIENT_TEST := -m pytest -m clients tests/clients
-test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch ray minari)  ## Install and run real clients.
+test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch ray minari lerobot)  ## Install and run real clients.
 	.venv-clients-acme/bin/python $(CLIENT_TEST)/test_acme.py
 	PYTHONPATH=$(CURDIR)/tests/clients/stand_in .venv-clients-acme-wrappers/bin/python $(CLIENT_TEST)/test_acme.py
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_sb3.py
@@ -36,6 +37,8 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	MUJOCO_GL=disabled .venv-clients-torch/bin/python $(CLIENT_TEST)/test_torchrl.py
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
+	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_ogbench.py
+	.venv-clients-lerobot/bin/python $(CLIENT_TEST)/test_lerobot.py
 
 check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff check .
@@ -63,6 +66,9 @@ curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.
 results: $(VENV)/.explore  ## Make the standard evaluations for docs/results.md; some minutes.
 	MUJOCO_GL=disabled $(BIN)/python -m docs.make_results
 
+datasets: $(VENV)/.datasets  ## Make datasets of graded skill for docs/datasets.md; half an hour, 2 GB.
+	MUJOCO_GL=disabled $(BIN)/python -m docs.make_datasets $(DATASETS_OPTIONS)
+
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
 	rm -rf build dist
 	$(BIN)/python -m build --outdir dist . >/dev/null
@@ -78,6 +84,7 @@ bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPo
 	$(BIN)/python -m benchmarks $(PEERS) --write docs/speed.md README.md $(BENCH_OPTIONS)
 
 SOAK_OPTIONS ?=
+DATASETS_OPTIONS ?=
 soak: $(VENV)/.test  ## Try hostile input for an hour, for docs/reliability.md.
 	$(BIN)/python -m tests.hostile --write docs/reliability.md $(SOAK_OPTIONS)
 
@@ -109,6 +116,10 @@ $(VENV)/.learn: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[learn]'
 	@touch $@
 
+$(VENV)/.datasets: $(BIN)/python setup.py
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[minari]'
+	@touch $@
+
 $(VENV)/.docs: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[docs]'
 	@touch $@
@@ -120,7 +131,8 @@ $(VENV)/.test: $(BIN)/python setup.py
 .venv-clients-acme/.installed: EXTRA = [acme]
 .venv-clients-torch/.installed: EXTRA = [explore,rl_zoo,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
-.venv-clients-minari/.installed: EXTRA = [minari]
+.venv-clients-minari/.installed: EXTRA = [minari,ogbench]
+.venv-clients-lerobot/.installed: EXTRA = [lerobot]
 .venv-clients-%/.installed: setup.py
 	$(PYTHON) -m venv $(@D)
 	$(@D)/bin/pip install -q pytest -e '.$(EXTRA)'

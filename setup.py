@@ -37,6 +37,9 @@ MINARI = [
     'pillow>=10',
     *GYMNASIUM,
 ]
+# Its loader reads what the explorer writes without it; for reading, and its tests.
+OGBENCH = ['ogbench>=1.2.2,<1.3']
+LEROBOT = ['lerobot>=0.4.4,<0.5']
 LEARN = ['jax>=0.4.30', 'optax>=0.2.2', *EXPLORE]
 DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN]
 TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
@@ -79,6 +82,8 @@ setuptools.setup(
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,
         'minari': MINARI + EXPLORE,
+        'ogbench': OGBENCH + EXPLORE,
+        'lerobot': LEROBOT + EXPLORE,
         'docs': DOCS,
         'test': TEST + GYMNASIUM + EXPLORE + LEARN + ACME + RAY + MINARI,
     },

@@ -8,5 +8,10 @@ _DOCS = pathlib.Path(__file__).parents[1] / 'docs'
 
 def code_of(page: str) -> str:
     """Returns the one piece of Python in a page of the documentation."""
-    (code,) = re.findall(r'```python\n(.*?)```', (_DOCS / page).read_text(), re.DOTALL)
+    (code,) = codes_of(page)
     return code
+
+
+def codes_of(page: str) -> list[str]:
+    """Returns all pieces of Python in a page of the documentation."""
+    return re.findall(r'```python\n(.*?)```', (_DOCS / page).read_text(), re.DOTALL)

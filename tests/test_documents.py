@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks import markdown, report, rows
-from docs import make_results
+from docs import make_datasets, make_results
 from fetch_composer import tasks
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
@@ -29,6 +29,8 @@ _NOT_RUN = {
     ('clients.md', 'from stable_baselines3'): 'needs Stable-Baselines3, and torch',
     ('clients.md', 'SB3VecEnv'): 'needs Stable-Baselines3, and torch',
     ('clients.md', 'import minari'): 'needs a Minari dataset that has been written',
+    ('datasets.md', 'import minari'): 'tests/clients/test_minari.py runs it',
+    ('datasets.md', 'episode = dataset[0]'): 'tests/clients/test_minari.py runs it',
 }
 
 
@@ -159,9 +161,10 @@ def _observation_rows() -> list[list[str]]:
         (_README, report.SPEED_SUMMARY),
         (_DOCS / 'conventions.md', 'parity table: made by make parity'),
         (_DOCS / 'results.md', make_results.TABLE),
+        (_DOCS / 'datasets.md', make_datasets.TABLE),
         (_DOCS / 'reliability.md', 'soak table: made by make soak'),
     ),
-    ids=('speed', 'summary', 'parity', 'results', 'soak'),
+    ids=('speed', 'summary', 'parity', 'results', 'datasets', 'soak'),
 )
 def test_tables_of_figures_have_their_places(page, name):
     assert markdown.has_markers(page, name)

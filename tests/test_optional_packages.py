@@ -20,6 +20,7 @@ _WITHOUT = (
         ('ray', '--ray=local', 'ray'),
         ('minari', '--dataset=push-v0', 'minari'),
         ('h5py', '--dataset=push-v0', 'minari'),
+        ('lerobot', '--dataset=lerobot:push', 'lerobot'),
     ],
 )
 def test_a_missing_package_is_named_with_what_installs_it(tmp_path, package, flag, extra):

@@ -24,6 +24,8 @@ from fetch_composer.tasks import TaskOptions
 _OF_MANY_EPISODES = frozenset(
     ('episodes', 'standard', 'num_envs', 'films', 'num_films', 'ray', 'dataset', 'output_dir')
 )
+# What the names of the policies say that act.
+_IN_NAMES = frozenset(('noise', 'mixture'))
 _OF_THE_COMMAND = {
     'fresh': 'Whether to discard an unfinished run in the folder, rather than to continue it',
     'help': 'Whether to list the flags, and do nothing else',
@@ -94,6 +96,7 @@ class _Flag:
 _DEFINITIONS: dict[Any, Callable[..., Any]] = {
     str: flags.DEFINE_string,
     int: flags.DEFINE_integer,
+    float: flags.DEFINE_float,
     bool: flags.DEFINE_bool,
     Sequence[str]: flags.DEFINE_multi_string,
     Sequence[float]: _define_numbers,
@@ -203,7 +206,7 @@ def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
 
     Args:
         options: Options of the run.
-        policies: Those of its policies that act.
+        policies: Those of its policies that act, by their whole names.
         seed: Seed of the episode.
     """
     values = {
@@ -219,6 +222,8 @@ def replay_command(options: Options, policies: Sequence[str], seed: int) -> str:
         default = each.value(defaults)
         if each.name in values:
             words += each.words(values[each.name])
-        elif each.name not in _OF_MANY_EPISODES and each.value(options) != default:
+        elif each.name in _OF_MANY_EPISODES | _IN_NAMES:
+            continue
+        elif each.value(options) != default:
             words += each.words(each.value(options))
     return shlex.join(['python', '-m', 'fetch_composer.explorer', *words])

@@ -6,6 +6,8 @@ import pathlib
 import re
 from collections.abc import Sequence
 
+from fetch_composer import policies
+from fetch_composer.explorer.datasets import formats
 from fetch_composer.explorer.episodes import batch_rollout, memory, origin
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
@@ -30,6 +32,10 @@ class Options:
         task: Name of the task, such as push, or one that an imported module registers.
         policy: Who acts: expert, random, zero, trained, PATH.onnx, PATH.zip of Stable-Baselines3,
             or module:function. Several are compared on the same seeds.
+        noise: Standard deviation of Gaussian noise on the actions of every policy, in units of an
+            action, whose range is -1 to 1.
+        mixture: Policies to play an episode each, in place of policy, with their shares:
+            expert:0.7,random:0.3. The seed of an episode decides which one plays it.
         task_options: Options of the task.
         episodes: Number of episodes of each policy.
         seed: Seed of the first episode; each has the next one.
@@ -48,7 +54,8 @@ class Options:
         trust_pickle: Whether to read a Stable-Baselines3 zip, which can run code as it is read.
         output_dir: Folder to write into; by default output/<task>_<policy>.
         ray: Ray cluster to run the episodes on: its address, or local for one of this machine.
-        dataset: Minari dataset to write the episodes to: [namespace/]name-v0.
+        dataset: Dataset to write the episodes to: minari:[namespace/]name-v0 (or the name alone),
+            ogbench:PATH.npz, or lerobot:DIR.
         imports: Module to import first, which registers a task of your own; it may lie in the
             working folder.
         from_state: The trajectories.npz of another run, whose filmed episodes the policy goes on
@@ -58,6 +65,8 @@ class Options:
 
     task: str = 'push'
     policy: Sequence[str] = ('expert',)
+    noise: float = 0.0
+    mixture: str | None = None
     task_options: TaskOptions = TaskOptions()
     episodes: int = 5
     seed: int = 0
@@ -88,9 +97,9 @@ class Options:
         checks.integer('seed', self.seed, 0)
         self._check_size()
         self._check_origin()
-        if not self.policy:
+        if not self.policies:
             raise ValueError('policy must name at least one.')
-        if len(set(self.policy)) < len(self.policy):
+        if len(set(self.policies)) < len(self.policies):
             raise ValueError('policy names the same one twice; two that differ can be compared.')
         for name in NOT_EXPLORED:
             if getattr(self.task_options, name) != getattr(TaskOptions(), name):
@@ -108,15 +117,13 @@ class Options:
 
             ray_rollout.check_address(self.ray)
         if self.dataset is not None:
-            from fetch_composer.explorer.results import minari_dataset
-
-            if len(self.policy) > 1:
+            if len(self.policies) > 1:
                 raise ValueError('dataset is of one policy; give a single --policy.')
-            minari_dataset.check_name(self.dataset)
+            formats.dataset(self.dataset).check(self.seeds)
 
     def _check_size(self) -> None:
         steps = self.task_options.max_episode_steps or 1
-        fitting = memory.most_episodes(steps) // max(1, len(self.policy))
+        fitting = memory.most_episodes(steps) // max(1, len(self.policies))
         if not fitting:
             raise ValueError(
                 f'max_episode_steps is {checks.shown(steps)}, of which no episode fits into the '
@@ -155,6 +162,25 @@ class Options:
         """
         return None if self.from_state is None else origin.load(self.from_state, self.step)
 
+    @functools.cached_property
+    def policies(self) -> tuple[str, ...]:
+        """Who acts: the names of the policies, noise included.
+
+        Raises:
+            ValueError: if noise or mixture is not valid.
+        """
+        names = tuple(self.policy)
+        if self.mixture is not None:
+            if names != type(self).policy:
+                raise ValueError('mixture takes the place of policy; give one of them.')
+            if not policies.is_mixture(self.mixture):
+                raise ValueError(
+                    'mixture must name policies and their shares, such as expert:0.7,random:0.3; '
+                    f'got {checks.shown(self.mixture)}.'
+                )
+            names = (self.mixture,)
+        return tuple(policies.with_noise(each, self.noise) for each in names)
+
     @property
     def seeds(self) -> range:
         """The seed of each episode."""
@@ -163,7 +189,7 @@ class Options:
     @property
     def folder(self) -> pathlib.Path:
         """The folder to write into."""
-        names = '_vs_'.join(file_name(policy) for policy in self.policy)
+        names = '_vs_'.join(file_name(policy) for policy in self.policies)
         going_on = '' if self.from_state is None else f'_from_step_{self.step}'
         return pathlib.Path(self.output_dir or f'output/{self.task}_{names}{going_on}')
 

@@ -10,6 +10,8 @@ from typing import Any
 
 from fetch_composer import policies, suite, user_modules
 from fetch_composer.explorer import files, flags, progress, signals
+from fetch_composer.explorer.datasets import contents, formats
+from fetch_composer.explorer.datasets import writing as dataset_writing
 from fetch_composer.explorer.episodes import batch_rollout, provenance, replay
 from fetch_composer.explorer.options import Options, file_name
 from fetch_composer.explorer.pictures import drawing, film
@@ -51,7 +53,7 @@ class Run:
         self.options = options
         self._gl_backend = gl_backend
         user_modules.load_all(options.imports)
-        of_episodes = [options.of_episodes(policy) for policy in options.policy]
+        of_episodes = [options.of_episodes(policy) for policy in options.policies]
         self._env = suite.load(suite.DOMAIN, options.task, of_episodes[0].task_kwargs)
         if options.origin is not None:
             options.origin.check(self._env, options.seeds)
@@ -61,13 +63,19 @@ class Run:
             Candidate(
                 each.policy,
                 f'{number}_{file_name(each.policy)}',
-                len(options.policy) == 1,
+                len(options.policies) == 1,
                 batch_rollout.tried_policy(each, context, observation),
             )
             for number, each in enumerate(of_episodes, start=1)
         ]
         camera.check_name(self._env.physics, options.camera)
         identity = self._identity()
+        self._dataset = None if options.dataset is None else formats.dataset(options.dataset)
+        self._about: dict[str, Any] = {}
+        if self._dataset is not None:
+            look = self._look.name if self._dataset.needs_pictures else None
+            self._about = contents.about(identity, self._env.task.identity, options.seeds, look)
+            dataset_writing.check(self._dataset, self._about, gl_backend)
         files.prepare_folder(options.folder)
         self._store = store.Store(options.folder, identity, fresh)
         for folder in {options.folder, *(options.folder / c.path('') for c in self.candidates)}:
@@ -116,7 +124,7 @@ class Run:
                     raise signals.Stopped
 
             with contextlib.suppress(signals.Stopped), contextlib.ExitStack() as stack:
-                drawer = stack.enter_context(self._drawer())
+                drawer = stack.enter_context(self._drawer(self.options.films != 'none'))
                 bar = stack.enter_context(progress.Progress())
                 self._run_episodes(bar, on_progress)
                 if drawer is not None:
@@ -132,7 +140,11 @@ class Run:
             if failure is not None:
                 raise failure
             if self._is_complete:
-                written.extend(self._write_dataset())
+                try:
+                    written.extend(self._write_dataset(on_progress))
+                except signals.Stopped:
+                    self.stopped_by = noted[0]
+                    return written
                 self._store.discard()
             return written
 
@@ -152,15 +164,19 @@ class Run:
             each.films.keys() == set(self._chosen()) for each in self.candidates
         )
 
-    def _drawer(self) -> contextlib.AbstractContextManager[drawing.Drawer | None]:
-        """Returns what takes the films; it gets ready while the episodes are run."""
+    def _drawer(self, is_needed: bool) -> contextlib.AbstractContextManager[drawing.Drawer | None]:
+        """Returns what takes pictures; it gets ready while the episodes are run."""
         options = self.options
-        if self._gl_backend is None or options.films == 'none':
+        if self._gl_backend is None or not is_needed:
             return contextlib.nullcontext()
-        look = drawing.Look(
+        return drawing.Drawer(options.of_episodes(''), self._look, self._gl_backend)
+
+    @property
+    def _look(self) -> drawing.Look:
+        options = self.options
+        return drawing.Look(
             options.camera, options.width, options.height, options.supersampling, options.fps
         )
-        return drawing.Drawer(options.of_episodes(''), look, self._gl_backend)
 
     def _run_episodes(self, bar: progress.Progress, on_progress: Callable[[], None]) -> None:
         options = self.options
@@ -168,7 +184,7 @@ class Run:
             each.episodes = self._store.episodes(each.key, options.seeds)
         self.continued = self.finished
         total = len(self.candidates) * options.episodes
-        bar.start(options.policy[0], 'step', total * options.steps, self.finished * options.steps)
+        bar.start(options.policies[0], 'step', total * options.steps, self.finished * options.steps)
 
         def advance(steps: int) -> None:
             on_progress()
@@ -281,37 +297,28 @@ class Run:
         takes = replay_page.takes_of(candidates)
         if not takes:
             return None
-        title = f'{self.options.task} · {" / ".join(self.options.policy)}'
+        title = f'{self.options.task} · {" / ".join(self.options.policies)}'
         try:
             return replay_page.render(takes, self._env, self.options.camera, title)
         except replay_page.ReplayPageError as error:
             self.remarks.append(f'No {writing.REPLAY}: {error}')
             return None
 
-    def _write_dataset(self) -> list[writing.Written]:
-        if self.options.dataset is None:
+    def _write_dataset(self, on_progress: Callable[[], None]) -> list[writing.Written]:
+        if self._dataset is None:
             return []
-        from fetch_composer.explorer.results import minari_dataset
-
         (candidate,) = self.candidates
-        folder = minari_dataset.save(
-            self.options.dataset,
-            self.options.of_episodes(candidate.policy),
-            candidate.episodes,
-            self.options.folder,
-        )
-        return [
-            writing.Written(
-                [str(folder.resolve())], f'minari.load_dataset({self.options.dataset!r})'
-            )
-        ]
+        of_episodes = self.options.of_episodes(candidate.policy)
+        holds = contents.Contents(of_episodes, candidate.episodes, self._about, self.options.folder)
+        dataset_writing.write(self._dataset, holds, lambda: self._drawer(True), on_progress)
+        return [writing.Written([str(self._dataset.path.resolve())], self._dataset.reading)]
 
     def _identity(self) -> dict[str, Any]:
         options = self.options
         identity = {
             'task': options.task,
             **dataclasses.asdict(options.task_options),
-            'policies': [[each, policies.digest(each)] for each in options.policy],
+            'policies': [[each, policies.digest(each)] for each in options.policies],
             'imports': [[each, user_modules.digest(each)] for each in options.imports],
             'versions': provenance.versions(),
             'code': provenance.code_digest(),

@@ -5,9 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from dm_env import specs
 
-# An environment with the same seed draws from `SeedSequence(seed)`. Without a stream of its
-# own the policy would repeat those very draws, and its actions would tell of the goal.
-_STREAM = 1
+from fetch_composer.policies import streams
 
 
 class UniformPolicy:
@@ -21,9 +19,7 @@ class UniformPolicy:
             seed: A non-negative integer, or None for entropy from the operating system.
         """
         self._spec = action_spec
-        self._generator = np.random.Generator(
-            np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-        )
+        self._generator = streams.generator(seed, streams.UNIFORM)
 
     def reset(self) -> None:
         """Does nothing: the draws go on, so that episodes differ."""

@@ -42,6 +42,7 @@ class GoalTask(GoalConditionedTask):
     Attributes:
         name: Name under which the task is registered.
         identity: What a state must share with it, once it is compiled.
+        instruction: What one would tell a robot to do, in words.
         conventions: Names of the conventions that it has.
         convention: The choices that its convention makes.
         workspace: Where things are.
@@ -52,6 +53,7 @@ class GoalTask(GoalConditionedTask):
     """
 
     name = 'unregistered'
+    instruction = 'reach the red mark'
     conventions: tuple[str, ...] = (conventions.DOCUMENTED.name,)
     random: np.random.RandomState | None = None
 
@@ -245,8 +247,6 @@ class GoalTask(GoalConditionedTask):
             mujoco.mj_setConst(self._model, self._data)
             self._model.stat.extent, self._model.stat.center[:] = extent, centre
         physics.reset()  # Neither leaves the state as it was.
-
-    # -- The whole state -----------------------------------------------------------------------
 
     def get_state(self, random_state: np.random.RandomState, is_over: bool) -> state_lib.State:
         """Returns the state; see `Environment.get_state`."""

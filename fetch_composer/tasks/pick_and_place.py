@@ -30,6 +30,7 @@ class PickAndPlace(goal_task.GoalTask):
     """Grasp a block and bring it to its goal; the fourth action opens and closes the gripper."""
 
     conventions = tuple(conventions.CONVENTIONS)
+    instruction = 'pick up the block and bring it to the red mark'
 
     def __init__(self, options: TaskOptions = TaskOptions()) -> None:
         """Initializes the task."""

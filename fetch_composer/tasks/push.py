@@ -26,6 +26,7 @@ class Push(goal_task.GoalTask):
     """Push a block to its goal on the table; the gripper is locked in its closed position."""
 
     conventions = tuple(conventions.CONVENTIONS)
+    instruction = 'push the block to the red mark'
 
     def __init__(self, options: TaskOptions = TaskOptions()) -> None:
         """Initializes the task."""

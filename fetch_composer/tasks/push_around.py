@@ -34,6 +34,8 @@ _EPISODE_STEPS = 100
 class PushAround(goal_task.GoalTask):
     """Push a block around a wall to its goal; the gripper is locked, and may reach over it."""
 
+    instruction = 'push the block around the wall to the red mark'
+
     def __init__(
         self, options: TaskOptions = TaskOptions(max_episode_steps=_EPISODE_STEPS)
     ) -> None:

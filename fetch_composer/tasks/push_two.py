@@ -30,6 +30,8 @@ _EPISODE_STEPS = 100
 class PushTwo(goal_task.GoalTask):
     """Push two blocks, each to its own goal on the table; the gripper is locked."""
 
+    instruction = 'push each block to its mark'
+
     def __init__(
         self, options: TaskOptions = TaskOptions(max_episode_steps=_EPISODE_STEPS)
     ) -> None:

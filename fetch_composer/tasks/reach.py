@@ -19,6 +19,7 @@ class Reach(goal_task.GoalTask):
     """Bring the gripper to its goal; there is no object, and the gripper is locked."""
 
     conventions = tuple(conventions.CONVENTIONS)
+    instruction = 'move the gripper to the red mark'
 
     def __init__(self, options: TaskOptions = TaskOptions()) -> None:
         """Initializes the task."""

@@ -34,6 +34,7 @@ class Slide(goal_task.GoalTask):
     """Slide a puck to its goal on a long slippery table; the gripper is locked."""
 
     conventions = tuple(conventions.CONVENTIONS)
+    instruction = 'slide the puck to the red mark'
 
     def __init__(self, options: TaskOptions = TaskOptions()) -> None:
         """Initializes the task."""

@@ -26,7 +26,10 @@ from fetch_composer.explorer.episodes import ray_rollout  # noqa: E402
 pytestmark = pytest.mark.clients
 
 _ROOT = pathlib.Path(__file__).parents[2]
-_FLAGS = ('--policy=random', '--max_episode_steps=8', '--num_envs=4', '--reward_type=dense')
+_FLAGS = (
+    '--mixture=expert:0.5,random:0.5', '--noise=0.2', '--max_episode_steps=8', '--num_envs=4',
+    '--reward_type=dense',
+)  # fmt: skip
 
 # SIOCSIFFLAGS with IFF_UP, as `ip link set lo up` does.
 _LOOPBACK_UP = (
@@ -183,7 +186,8 @@ def test_a_node_that_is_killed_loses_no_episode_and_counts_none_twice(isolated, 
 
 def test_workers_know_the_tasks_that_the_run_has_imported(isolated, tmp_path):
     (tmp_path / 'gate.py').write_text(pages.code_of('new_task.md'))
-    flags = (*_FLAGS, '--episodes=4', '--import=gate', '--task=push_through_gate')
+    flags = ('--policy=random', *_FLAGS[2:], '--episodes=4', '--import=gate')
+    flags += ('--task=push_through_gate',)
     for output_dir, more in (('ray', ('--ray=local',)), ('whole', ())):
         _printed(isolated(_ROOT / 'explore.py', *flags, f'--output_dir={output_dir}', *more))
     one, two = _arrays(tmp_path / 'ray'), _arrays(tmp_path / 'whole')

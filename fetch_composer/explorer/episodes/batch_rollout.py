@@ -34,7 +34,7 @@ class EpisodeOptions:
 
     Attributes:
         task: Name of the task.
-        policy: Name of the policy, its file, or its code; see `policies.load`.
+        policy: Name of the policy, its file, or its code, noise included; see `policies.load`.
         task_options: Options of the task.
         trust_pickle: Whether code within a policy's file may run.
         imports: Modules to import first, which register tasks of one's own.
@@ -233,10 +233,14 @@ def tried_policy(
     """
     if load_policy is None:
         make = policies.factory(options.policy, context, options.trust_pickle)
+        of_mixture = policies.parts(options.policy)
     else:
-        make = load_policy(context)
-    with _failures_named(f'policy {options.policy}, before the first step'):
-        policies.check_action(make(0), observation, context)
+        make, of_mixture = load_policy(context), (options.policy,)
+    for name in of_mixture:
+        is_all = len(of_mixture) == 1
+        tried = make if is_all else policies.factory(name, context, options.trust_pickle)
+        with _failures_named(f'policy {name}, before the first step'):
+            policies.check_action(tried(0), observation, context)
     return make
 
 

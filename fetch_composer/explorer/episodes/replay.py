@@ -32,9 +32,18 @@ def replay(env, episode: Episode, on_progress: Callable[[int], None] | None = No
         time_step = env.step(action)
         on_progress(step)
     for name, value in time_step.observation.items():
-        error = np.abs(value - getattr(episode, name)[-1]).max()
-        if not error <= _TOLERANCE:
-            raise ReplayError(
-                f'The episode of seed {episode.seed} was played again and ended elsewhere: '
-                f'{name} differs by {error:.3g}.'
-            )
+        check(episode, episode.steps, name, value)
+
+
+def check(episode: Episode, step: int, name: str, value: np.ndarray) -> None:
+    """Makes sure that an observation is that of an episode.
+
+    Raises:
+        ReplayError: if it is not.
+    """
+    error = np.abs(value - getattr(episode, name)[step]).max()
+    if not error <= _TOLERANCE:
+        raise ReplayError(
+            f'The episode of seed {episode.seed} was played again and ended elsewhere: '
+            f'{name} differs by {error:.3g} at step {step}.'
+        )

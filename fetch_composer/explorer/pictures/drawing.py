@@ -13,10 +13,13 @@ import pickle
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from fetch_composer import suite, user_modules
+from fetch_composer.explorer.episodes import replay
 from fetch_composer.explorer.episodes.batch_rollout import EpisodeOptions
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.pictures import film
@@ -112,6 +115,21 @@ class Drawer:
         assert taken is not None
         return taken
 
+    def pictures(self, episode: Episode) -> Iterator[np.ndarray]:
+        """Yields a picture, (height, width, 3) uint8, of each observation of an episode.
+
+        Raises:
+            ReplayError: if the episode does not end as it did.
+            DrawingError: if the process has ended.
+        """
+        self._is_filming = True
+        self._send((None, episode))
+        while (answer := self._receive()) is not None:
+            if isinstance(answer, Exception):
+                raise answer
+            yield answer
+        self._is_filming = False
+
     def _send(self, message: Any) -> None:
         assert self._process.stdin is not None
         try:
@@ -135,7 +153,7 @@ class Drawer:
         return DrawingError(f'The process that takes the films ended with {status}: {said}')
 
     def close(self) -> None:
-        """Ends the process; a film that is being taken is dropped."""
+        """Ends the process; a film that is being taken is dropped, and so are pictures."""
         if not self._is_filming:
             self._process.kill()  # It would end by itself, but only once it has started.
         for pipe in (self._process.stdin, self._process.stdout):
@@ -173,7 +191,10 @@ def serve() -> None:
             while True:
                 folder, episode = pickle.load(requests)
                 try:
-                    film.take(folder, episode, env, camera, look.fps, answer)
+                    if folder is None:
+                        replay.replay(env, episode, lambda step: answer(camera.picture()))
+                    else:
+                        film.take(folder, episode, env, camera, look.fps, answer)
                 except BrokenPipeError:
                     raise
                 except (OSError, RuntimeError) as error:

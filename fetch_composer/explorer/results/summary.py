@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fetch_composer import policies
 from fetch_composer.explorer.episodes.episode import Episode
 from fetch_composer.explorer.results import compare, statistics
 from fetch_composer.explorer.results.candidate import Candidate
@@ -20,15 +21,23 @@ def of_run(
         comparisons: Of the first policy with each other.
     """
     if len(candidates) == 1 and candidates[0].is_alone:
-        return summarize(candidates[0].episodes)
+        return summarize(candidates[0].episodes, candidates[0].policy)
     return {
         'comparisons': [each.figures() for each in comparisons],
-        'policies': [{'policy': each.policy, **summarize(each.episodes)} for each in candidates],
+        'policies': [
+            {'policy': each.policy, **summarize(each.episodes, each.policy)} for each in candidates
+        ],
     }
 
 
-def summarize(episodes: Sequence[Episode]) -> dict[str, Any]:
-    """Returns figures of one or more episodes, fit for JSON."""
+def summarize(episodes: Sequence[Episode], policy: str = '') -> dict[str, Any]:
+    """Returns figures of one or more episodes, fit for JSON.
+
+    Args:
+        episodes: The episodes.
+        policy: Name of the policy. If it is a mixture, each episode has the name of its own.
+    """
+    is_mixture = policies.is_mixture(policy)
     distances = [float(each.distance[-1]) for each in episodes]
     returns = [each.total_reward for each in episodes]
     seconds = sum(each.step_seconds for each in episodes)
@@ -42,6 +51,7 @@ def summarize(episodes: Sequence[Episode]) -> dict[str, Any]:
         'episodes': [
             {
                 'seed': each.seed,
+                **({'policy': policies.player(policy, each.seed)} if is_mixture else {}),
                 'steps': each.steps,
                 'is_success': each.is_success,
                 'return': each.total_reward,

@@ -1,0 +1,1 @@
+"""Episodes written for the libraries that learn from them."""
