@@ -105,9 +105,8 @@ def test_the_table_of_options_is_that_of_the_code():
 
 
 def test_the_table_of_action_modes_is_that_of_the_code():
-    rows = {
-        row[0].strip("`'"): row[1:] for row in _table('tasks.md', '| `action_mode` | numbers |')
-    }
+    table = _table('tasks.md', '| `action_mode` | numbers |')
+    rows = {row[0].strip("`'"): row[1:] for row in table}
     assert list(rows) == list(action_modes.MODES)
     for name, (size, meaning) in rows.items():
         named = meaning.partition(':')[0].replace(' ', '_').split(',_')

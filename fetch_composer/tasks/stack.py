@@ -33,7 +33,7 @@ _EPISODE_STEPS = 100
 class Stack(goal_task.GoalTask):
     """Bring the first block to its goal on the table, and put the second one on top of it."""
 
-    instruction = 'put the first block on the red mark and the second one on top of it'
+    instruction = 'put the green block on its mark and the orange one on top of it'
 
     def __init__(
         self, options: TaskOptions = TaskOptions(max_episode_steps=_EPISODE_STEPS)
