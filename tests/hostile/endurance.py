@@ -10,32 +10,28 @@ import sys
 
 import numpy as np
 
-import fetch_composer
-from fetch_composer import tasks
 from tests import runs
+from tests.hostile import variants
 from tests.hostile.tally import Tally
 
 _ROWS = 4
 _STEPS = 50
-_VARIANTS = tuple(
-    (task, each) for task in fetch_composer.ALL for each in tasks.conventions_of(task)
-)
 
 
-def _actions(kind: str, generator: np.random.Generator, steps: int, rows: int) -> np.ndarray:
-    """Returns (steps, rows, 4) actions."""
-    shape = (steps, rows, 4)
+def _actions(kind: str, generator: np.random.Generator, shape: tuple[int, int, int]) -> np.ndarray:
+    """Returns (steps, rows, size of an action) actions."""
+    steps, one_step = shape[0], (1, *shape[1:])
     if kind == 'corners':
         return generator.choice((-1.0, 1.0), shape)
     if kind == 'one corner':
-        return np.broadcast_to(generator.choice((-1.0, 1.0), (1, rows, 4)), shape).copy()
+        return np.broadcast_to(generator.choice((-1.0, 1.0), one_step), shape).copy()
     if kind == 'into the table':
         actions = generator.uniform(-1, 1, shape)
         actions[..., 2] = -1
         return actions
     if kind == 'to and fro':
         signs = np.where(np.arange(steps) % 2, -1.0, 1.0)[:, np.newaxis, np.newaxis]
-        return signs * generator.choice((-1.0, 1.0), (1, rows, 4))
+        return signs * generator.choice((-1.0, 1.0), one_step)
     if kind == 'huge':
         return generator.uniform(-1, 1, shape) * 10.0 ** generator.integers(0, 300, shape)
     if kind == 'tiny':
@@ -47,15 +43,13 @@ _KINDS = ('corners', 'one corner', 'into the table', 'to and fro', 'huge', 'tiny
 
 
 @functools.cache
-def _single(task: str, convention: str):
-    return fetch_composer.load(task, seed=0, convention=convention, max_episode_steps=4 * _STEPS)
+def _single(variant):
+    return variants.single(variant, max_episode_steps=4 * _STEPS)
 
 
 @functools.cache
-def _batch(task: str, convention: str):
-    return fetch_composer.BatchEnvironment(
-        task, _ROWS, seed=0, convention=convention, max_episode_steps=4 * _STEPS
-    )
+def _batch(variant):
+    return variants.batch(variant, _ROWS, max_episode_steps=4 * _STEPS)
 
 
 def _check(observation) -> None:
@@ -68,9 +62,9 @@ def singles(tally: Tally, seed: int, count: int) -> None:
     """Steps single environments."""
     generator = np.random.default_rng(seed)
     for index in range(count):
-        env = _single(*_VARIANTS[(seed * count + index) % len(_VARIANTS)])
+        env = _single(variants.ALL[(seed * count + index) % len(variants.ALL)])
         kind = random.Random(f'{seed} {index}').choice(_KINDS)
-        for (action,) in _actions(kind, generator, _STEPS, 1):
+        for (action,) in _actions(kind, generator, (_STEPS, 1, *env.action_spec().shape)):
             time_step = env.step(action)
             tally.add(was_refused=False)
         _check(time_step.observation)
@@ -80,10 +74,10 @@ def batches(tally: Tally, seed: int, count: int) -> None:
     """Steps batches, and resets some of their rows in between."""
     generator = np.random.default_rng(seed)
     for index in range(count):
-        batch = _batch(*_VARIANTS[(seed * count + index) % len(_VARIANTS)])
+        batch = _batch(variants.ALL[(seed * count + index) % len(variants.ALL)])
         batch.reset(generator.random(_ROWS) < 0.5)
         kind = random.Random(f'{seed} {index}').choice(_KINDS)
-        for action in _actions(kind, generator, _STEPS, _ROWS):
+        for action in _actions(kind, generator, (_STEPS, *batch.action_spec().shape)):
             time_step = batch.step(action)
             tally.tried += _ROWS
         _check(time_step.observation)
@@ -100,18 +94,18 @@ def _resident() -> int:
 
 
 def _made_and_closed(variant) -> None:
-    env = fetch_composer.load(variant[0], seed=0, convention=variant[1])
+    env = variants.single(variant)
     env.reset()
-    env.step(np.ones(4, np.float32))
+    env.step(np.ones(env.action_spec().shape, np.float32))
     env.close()
-    with fetch_composer.BatchEnvironment(variant[0], 2, seed=0, convention=variant[1]) as batch:
+    with variants.batch(variant, 2) as batch:
         batch.reset()
-        batch.step(np.ones((2, 4), np.float32))
+        batch.step(np.ones(batch.action_spec().shape, np.float32))
 
 
 def measure(index: int, count: int) -> None:
     """Makes and closes environments in a process that has done nothing else."""
-    variant = _VARIANTS[index % len(_VARIANTS)]
+    variant = variants.ALL[index % len(variants.ALL)]
     for _ in range(_UNTIL_WARM):
         _made_and_closed(variant)
     gc.collect()

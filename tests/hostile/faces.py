@@ -17,13 +17,21 @@ from fetch_composer import tasks
 from fetch_composer.explorer import flags
 from fetch_composer.tasks import variations
 from fetch_composer.tasks.state import State
-from tests.hostile import values
+from tests.hostile import values, variants
 from tests.hostile.tally import Tally
 
 _ROWS = 3
-_VARIANTS = tuple(
-    (task, each) for task in fetch_composer.ALL for each in tasks.conventions_of(task)
-)
+_ACTIONS = st.one_of(*map(values.vectors, variants.ACTION_SIZES))
+_BATCH_ACTIONS = st.one_of(*(values.matrices(_ROWS, size) for size in variants.ACTION_SIZES))
+# Of one object, and of two.
+_PLACES = {'object_position': (2, 4), 'goal': (3, 6)}
+
+
+def _places(name: str) -> st.SearchStrategy:
+    """Returns a strategy for a place, or one for each row, of all kinds of numbers."""
+    sizes = _PLACES[name]
+    rows = (values.matrices(_ROWS, size) for size in sizes)
+    return st.one_of(values.ANYTHING, *map(values.vectors, sizes), *rows)
 
 
 def _fuzz(seed: int, examples: int, check: Callable[..., None], **strategies) -> None:
@@ -74,15 +82,15 @@ def _check_finite(observation) -> None:
 
 
 @functools.cache
-def _single(task: str, convention: str):
-    env = fetch_composer.load(task, seed=0, convention=convention)
+def _single(variant):
+    env = variants.single(variant)
     env.reset()
     return env
 
 
 @functools.cache
-def _batch(task: str, convention: str):
-    batch = fetch_composer.BatchEnvironment(task, _ROWS, seed=0, convention=convention)
+def _batch(variant):
+    batch = variants.batch(variant, _ROWS)
     batch.reset()
     return batch
 
@@ -91,7 +99,7 @@ def actions(tally: Tally, seed: int, examples: int) -> None:
     """Gives a single environment actions."""
 
     def check(variant, action) -> None:
-        env = _single(*variant)
+        env = _single(variant)
         before = env.get_state()
         try:
             with _refused_or_right(tally, 'action', 'Action'):
@@ -102,7 +110,7 @@ def actions(tally: Tally, seed: int, examples: int) -> None:
 
     _fuzz(
         seed, examples, check,
-        variant=st.sampled_from(_VARIANTS), action=st.one_of(values.ANYTHING, values.vectors(4)),
+        variant=st.sampled_from(variants.ALL), action=st.one_of(values.ANYTHING, _ACTIONS),
     )  # fmt: skip
 
 
@@ -110,7 +118,7 @@ def batch_actions(tally: Tally, seed: int, examples: int) -> None:
     """Gives a batch actions."""
 
     def check(variant, action) -> None:
-        batch = _batch(*variant)
+        batch = _batch(variant)
         before = batch.get_states()
         with _refused_or_right(tally, 'action', 'Action'):
             _check_finite(batch.step(action).observation)
@@ -119,8 +127,8 @@ def batch_actions(tally: Tally, seed: int, examples: int) -> None:
 
     _fuzz(
         seed, examples, check,
-        variant=st.sampled_from(_VARIANTS),
-        action=st.one_of(values.ANYTHING, values.matrices(_ROWS, 4)),
+        variant=st.sampled_from(variants.ALL),
+        action=st.one_of(values.ANYTHING, _BATCH_ACTIONS),
     )  # fmt: skip
 
 
@@ -128,13 +136,12 @@ def batch_resets(tally: Tally, seed: int, examples: int) -> None:
     """Resets a batch with ids, places and seeds."""
     given = {
         'ids': st.one_of(values.ANYTHING, st.lists(st.integers(-1, _ROWS), max_size=_ROWS)),
-        'object_position': st.one_of(values.ANYTHING, values.vectors(2), values.matrices(_ROWS, 2)),
-        'goal': st.one_of(values.ANYTHING, values.vectors(3), values.matrices(_ROWS, 3)),
+        **{name: _places(name) for name in _PLACES},
         'seed': st.one_of(values.ANYTHING, st.lists(st.integers(0, 2**64), max_size=_ROWS + 1)),
     }
 
     def check(variant, arguments) -> None:
-        batch = _batch(*variant)
+        batch = _batch(variant)
         before = batch.get_states()
         with _refused_or_right(tally, *arguments, 'seeds'):
             _check_finite(batch.reset(**arguments).observation)
@@ -143,7 +150,7 @@ def batch_resets(tally: Tally, seed: int, examples: int) -> None:
 
     _fuzz(
         seed, examples, check,
-        variant=st.sampled_from(_VARIANTS), arguments=st.fixed_dictionaries({}, optional=given),
+        variant=st.sampled_from(variants.ALL), arguments=st.fixed_dictionaries({}, optional=given),
     )  # fmt: skip
 
 
@@ -154,7 +161,7 @@ def states(tally: Tally, seed: int, examples: int) -> None:
     )
 
     def check(variant, name, value, in_part) -> None:
-        env, batch = _single(*variant), _batch(*variant)
+        env, batch = _single(variant), _batch(variant)
         kept, kept_rows = env.get_state(), batch.get_states()
         if in_part and isinstance(value, dict):
             value = {**getattr(kept, name), **value} if name == 'generator' else value
@@ -177,10 +184,10 @@ def states(tally: Tally, seed: int, examples: int) -> None:
 
     _fuzz(
         seed, examples, check,
-        variant=st.sampled_from(_VARIANTS),
+        variant=st.sampled_from(variants.ALL),
         name=st.sampled_from([field.name for field in dataclasses.fields(State)]),
         value=st.one_of(
-            values.ANYTHING, values.vectors(3), values.vectors(7),
+            values.ANYTHING, *map(values.vectors, (3, 6, 7)),
             st.fixed_dictionaries({}, optional={'goal': values.vectors(3)}), of_generator,
         ),
         in_part=st.booleans(),
@@ -257,20 +264,21 @@ def options(tally: Tally, seed: int, examples: int) -> None:
     )
 
     def check(variant, name, value) -> None:
-        task, convention = variant
-        given = {'convention': convention, name: value}
+        task, convention, mode = variant
+        given = {'convention': convention, 'action_mode': mode, name: value}
         with _refused_or_right(tally, name, *_ALSO.get(name, ())):
             env = fetch_composer.load(task, seed=0, **given)
             with contextlib.closing(env):
                 _check_finite(env.reset().observation)
-                _check_finite(env.step(np.ones(4, np.float32)).observation)
+                action = np.ones(env.action_spec().shape, np.float32)
+                _check_finite(env.step(action).observation)
 
     _fuzz(
         seed, examples, check,
-        variant=st.sampled_from(_VARIANTS),
+        variant=st.sampled_from(variants.ALL),
         name=names,
         value=st.one_of(
-            values.ANYTHING, values.vectors(3), values.vectors(2), of_pixels, of_variations
+            values.ANYTHING, *map(values.vectors, (2, 3, 4, 6)), of_pixels, of_variations
         ),
     )  # fmt: skip
 
