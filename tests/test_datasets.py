@@ -10,7 +10,10 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks import markdown
+from docs import make_datasets
 from fetch_composer import policies, tasks
+from fetch_composer.explorer import files
 from fetch_composer.explorer.datasets import formats, ogbench_format, part
 from fetch_composer.explorer.datasets import writing as dataset_writing
 from fetch_composer.explorer.episodes import batch_rollout, provenance, replay
@@ -240,3 +243,38 @@ def test_the_command_says_what_reads_the_dataset(tmp_path):
     assert result.returncode == 0, result.stderr
     assert "ogbench.utils.load_dataset('push.npz')" in result.stdout
     assert pathlib.Path(tmp_path, 'push-val.npz').exists()
+
+
+# -- The card --------------------------------------------------------------------------------------
+
+
+def test_the_card_has_what_was_made_once_and_says_what_was_not(tmp_path, monkeypatch):
+    commands = []
+
+    def run(command, check):
+        assert check
+        commands.append(command)
+        flags = dict(each.removeprefix('--').split('=', 1) for each in command[3:])
+        folder = pathlib.Path(flags['output_dir'])
+        files.prepare_folder(folder)
+        origin = {'versions': provenance.versions(), 'code': provenance.code_digest()}
+        figures = {'success_rate': 0.5, 'success_interval': [0.469, 0.531], 'return': {'mean': -30}}
+        files.save_json(folder / 'summary.json', {**origin, **figures, 'episodes_finished': 1000})
+        path = pathlib.Path(flags['dataset'].removeprefix('ogbench:'))
+        for name in (path, path.with_name(f'{path.stem}-val.npz')):
+            name.write_bytes(bytes(1_500_000))
+
+    monkeypatch.setattr(make_datasets.subprocess, 'run', run)
+    page = tmp_path / 'page.md'
+    page.write_text(f'<!-- {make_datasets.TABLE} -->\n<!-- end -->\n')
+    words = ['--format=ogbench', f'--runs={tmp_path}', f'--page={page}', '--tasks', 'push']
+    for _ in range(2):  # The second time, all are there.
+        make_datasets.main(make_datasets.parser.parse_args(words))
+    assert len(commands) == len(make_datasets.KINDS)
+    rows = {row[0]: row for row in markdown.rows(page, f'| {make_datasets.HEADER[0]} |')}
+    assert len(rows) == 4 * len(make_datasets.KINDS)
+    made = rows[f'`ogbench:{tmp_path}/push-noisy.npz`']
+    assert made[1:] == [
+        '`--policy=expert --noise=0.2 --seed=2000`', '1000', '50.0 (46.9–53.1)', '-30.0', '3',
+    ]  # fmt: skip
+    assert sum('not measured yet' in row for row in rows.values()) == 3 * len(make_datasets.KINDS)

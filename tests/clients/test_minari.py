@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -246,3 +247,13 @@ def test_episodes_that_end_at_their_goals_are_terminated():
     environment = dataset.recover_environment()
     assert environment.unwrapped.dm_env.task.options.terminate_on_success
     environment.close()
+
+
+def test_the_example_clones_the_policy_of_a_dataset(run_example):
+    pytest.importorskip('jax', reason="JAX is not installed: pip install -e '.[learn]'")
+    saving.save('fetch/reach-expert-v0', saving.options('reach', 'expert'), range(60))
+    out = run_example(
+        'behaviour_cloning.py', '--dataset=fetch/reach-expert-v0', '--updates=1000', '--seed=1'
+    )
+    success = re.search(r'policy.onnx: success ([\d.]+) of 100 episodes', out)
+    assert success is not None and float(success[1]) >= 0.95, out
