@@ -19,7 +19,15 @@ from fetch_composer.tasks import camera  # noqa: E402
 
 _FOLDER = pathlib.Path(__file__).parent
 # Episodes that start apart from their goals, and whose targets the camera sees.
-_SEEDS = {'push': (0, 28), 'reach': (4, 25), 'slide': (39, 7), 'pick_and_place': (21, 39)}
+_SEEDS = {
+    'push': (0, 28),
+    'reach': (4, 25),
+    'slide': (39, 7),
+    'pick_and_place': (21, 39),
+    'stack': (0, 3),
+    'push_two': (0, 1),
+    'push_around': (0, 1),
+}
 _CAMERA = 'corner'
 _SIZE = (400, 300)  # pixels
 _OVERSAMPLING = 2
@@ -72,7 +80,7 @@ def _save(path: pathlib.Path, pictures: list[Image.Image], durations: list[int])
 
 def main() -> None:
     """Makes the animations of all tasks, or of those that are named."""
-    for task in sys.argv[1:] or fetch_composer.ALL:
+    for task in sys.argv[1:] or _SEEDS:
         path = _FOLDER / f'gallery_{task}.gif'
         _save(path, *_frames(task))
         print(f'{path.relative_to(_FOLDER.parent)}: {path.stat().st_size // 1000} kB')

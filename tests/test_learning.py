@@ -277,6 +277,7 @@ def test_a_seed_fixes_a_run_and_another_differs(tmp_path, reached):
         (['--set=moved_share=2'], 'moved_share must be in [0, 1], got 2.0'),
         (['--seed=-1'], 'seed must be a non-negative integer, got -1'),
         (['--minutes=0'], 'minutes must be positive, got 0'),
+        (['--task=stack'], "one object, or of none; 'stack' has 2"),
     ],
 )
 def test_bad_flags_are_answered_with_what_is_valid(tmp_path, capsys, flags, message):

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from fetch_composer import tasks
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.folder_lock import FolderLock
@@ -50,6 +51,11 @@ class Options:
             raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f'minutes must be positive, got {self.minutes}.')
+        count = len(tasks.make(self.task, convention=self.convention).scene.objects)
+        if count > 1:
+            raise ValueError(
+                f'The learner is for tasks of one object, or of none; {self.task!r} has {count}.'
+            )
 
     @property
     def command(self) -> str:
