@@ -173,7 +173,7 @@ class Options:
         if self.mixture is not None:
             if names != type(self).policy:
                 raise ValueError('mixture takes the place of policy; give one of them.')
-            if not policies.is_mixture(self.mixture):
+            if not isinstance(self.mixture, str) or not policies.is_mixture(self.mixture):
                 raise ValueError(
                     'mixture must name policies and their shares, such as expert:0.7,random:0.3; '
                     f'got {checks.shown(self.mixture)}.'

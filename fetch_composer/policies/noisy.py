@@ -3,7 +3,8 @@
 The name of such a policy is that of the other one and its noise: `expert~0.2`.
 """
 
-import math
+import numbers
+import sys
 from collections.abc import Mapping
 
 import numpy as np
@@ -58,8 +59,8 @@ class NoisyPolicy:
 
 def check(noise: float) -> None:
     """Raises `ValueError` if that can be no standard deviation."""
-    is_number = isinstance(noise, (int, float)) and not isinstance(noise, bool)
-    if not is_number or not math.isfinite(noise) or noise < 0:
+    is_number = isinstance(noise, numbers.Real) and not isinstance(noise, bool)
+    if not is_number or not 0 <= noise <= sys.float_info.max:
         raise ValueError(f'noise must be a finite number from 0; got {checks.shown(noise)}.')
 
 

@@ -287,7 +287,8 @@ def explorer_options(tally: Tally, seed: int, examples: int) -> None:
     """Makes the options of a run, one of them hostile."""
     chosen = (
         'episodes', 'seed', 'num_envs', 'num_films', 'films', 'width', 'height', 'fps', 'step',
-        'supersampling', 'goal', 'object_position', 'convention', 'max_episode_steps',
+        'supersampling', 'goal', 'object_position', 'convention', 'max_episode_steps', 'noise',
+        'mixture', 'dataset',
     )  # fmt: skip
 
     def check(name, value) -> None:

@@ -5,6 +5,7 @@ import pathlib
 from typing import Protocol
 
 from fetch_composer.explorer.datasets.contents import Contents
+from fetch_composer.tasks import checks
 
 # What follows each prefix. A module is imported only for its own, since it needs a library.
 FORMATS = {'minari': 'NAME', 'ogbench': 'PATH.npz', 'lerobot': 'DIR'}
@@ -46,11 +47,14 @@ def dataset(target: str) -> Dataset:
             what is.
         ImportError: if a library is missing; the message says what to install.
     """
-    prefix, colon, place = target.partition(':')
+    text = target if isinstance(target, str) else ':'
+    prefix, colon, place = text.partition(':')
     if not colon:
-        prefix, place = _DEFAULT, target
+        prefix, place = _DEFAULT, text
     if prefix not in FORMATS:
         valid = ', '.join(f'{name}:{what}' for name, what in FORMATS.items())
-        raise ValueError(f'Unknown dataset {target!r}; valid are {valid}, and NAME of {_DEFAULT}.')
+        raise ValueError(
+            f'Unknown dataset {checks.shown(target)}; valid are {valid}, and NAME of {_DEFAULT}.'
+        )
     module = importlib.import_module(f'{__package__}.{prefix}_format')
     return module.Dataset(place)
