@@ -6,7 +6,6 @@ import re
 _DOCS = pathlib.Path(__file__).parents[1] / 'docs'
 
 
-def code_of(page: str) -> str:
-    """Returns the one piece of Python in a page of the documentation."""
-    (code,) = re.findall(r'```python\n(.*?)```', (_DOCS / page).read_text(), re.DOTALL)
-    return code
+def code_of(page: str, number: int = 0) -> str:
+    """Returns a piece of Python in a page of the documentation: the first, or a later one."""
+    return re.findall(r'```python\n(.*?)```', (_DOCS / page).read_text(), re.DOTALL)[number]
