@@ -6,10 +6,9 @@ import re
 _DOCS = pathlib.Path(__file__).parents[1] / 'docs'
 
 
-def code_of(page: str) -> str:
-    """Returns the one piece of Python in a page of the documentation."""
-    (code,) = codes_of(page)
-    return code
+def code_of(page: str, number: int = 0) -> str:
+    """Returns a piece of Python in a page of the documentation: the first, or a later one."""
+    return codes_of(page)[number]
 
 
 def codes_of(page: str) -> list[str]:

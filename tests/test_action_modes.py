@@ -255,7 +255,7 @@ def test_a_state_of_another_mode_is_refused():
         _env(mode).reset()
     for mode, other in zip(_SIZES, (*_CHOSEN, 'displacement'), strict=True):
         kept = _env(mode).get_state().physics
-        message = rf'differs in action_mode \({other}, not {mode}\)'.replace('+', r'\+')
+        message = rf"differs in action_mode \('{other}', not '{mode}'\)".replace('+', r'\+')
         with pytest.raises(ValueError, match=message):
             _env(mode).set_state(_env(other).get_state())
         np.testing.assert_array_equal(_env(mode).get_state().physics, kept)

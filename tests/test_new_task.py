@@ -1,23 +1,19 @@
 """The tasks in docs/new_task.md, run as they stand there."""
 
-import pathlib
-import re
-
 import numpy as np
 import pytest
 
 import fetch_composer
 from fetch_composer import tasks
-from tests import episodes
+from tests import episodes, pages
 
-_PAGE = pathlib.Path(__file__).parents[1] / 'docs' / 'new_task.md'
+_PAGE = 'new_task.md'
 
 
 @pytest.fixture
 def module():
-    code, _ = re.findall(r'```python\n(.*?)```', _PAGE.read_text(), re.DOTALL)
     namespace: dict = {}
-    exec(compile(code, str(_PAGE), 'exec'), namespace)
+    exec(compile(pages.code_of(_PAGE), _PAGE, 'exec'), namespace)
     return namespace
 
 
@@ -69,9 +65,8 @@ def test_a_name_is_given_once(module):
 
 
 def test_the_documented_puck_slides_and_the_block_stays():
-    _, code = re.findall(r'```python\n(.*?)```', _PAGE.read_text(), re.DOTALL)
     namespace: dict = {'__name__': 'documents'}  # As other tests of documents have it.
-    exec(compile(code, str(_PAGE), 'exec'), namespace)
+    exec(compile(pages.code_of(_PAGE, 1), _PAGE, 'exec'), namespace)
     env = namespace['two']
     env.task.set_next_episode(object_position=(1.2, 0.75, 1.4, 0.75))
     before = env.reset().observation['achieved_goal']
