@@ -9,11 +9,9 @@ from dm_control.rl import control
 from dm_env import specs
 
 from fetch_composer import tasks
-from fetch_composer.batch import simulations
+from fetch_composer.batch import compiling, simulations
 from fetch_composer.batch.episodes import BatchEpisodes
 from fetch_composer.batch.pictures import BatchPictures
-from fetch_composer.entities import contact_pairs
-from fetch_composer.environment import Environment
 from fetch_composer.tasks import checks, rewards, seeding, starts
 from fetch_composer.tasks.state import State
 
@@ -68,18 +66,7 @@ class BatchEnvironment:
         if self._options.observation_mode != 'features':
             self._pictures = BatchPictures(task, task_kwargs, self._num_envs)
             task_made = tasks.make(task, **{**task_kwargs, 'observation_mode': 'features'})
-        others = set(task_made.task_observables) - {'observation', 'achieved_goal', 'desired_goal'}
-        if others:
-            raise ValueError(
-                f'A batch does not observe {", ".join(sorted(others))}, which the task adds, but '
-                'only what a GoalTask does; use single environments.'
-            )
-        # What can be seen takes time, and is drawn elsewhere.
-        task_made.scene.remove_looks(cameras=not task_made.variations.vary_looks)
-        has_pairs = contact_pairs.name(task_made.root_entity.mjcf_model)
-        self._compiled = Environment(task_made, random_state=0)
-        if has_pairs:
-            contact_pairs.stop_search(self._compiled.physics.model.ptr)
+        self._compiled = compiling.compiled(task_made)
         self._is_closed = False
         self._starts, self._num_goals = task_made.starts, task_made.scene.num_goals
         self._episodes = BatchEpisodes(self._num_envs, task_made)
