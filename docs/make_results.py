@@ -22,7 +22,7 @@ TABLE = 'standard evaluation: made by make results'
 
 _PAGE = pathlib.Path(__file__).parent / 'results.md'
 _TRAINED = pathlib.Path(policies.__file__).parent / 'trained'
-_TASKS = ('reach', 'push', 'slide', 'pick_and_place')
+_TASKS = ('reach', 'push', 'slide', 'pick_and_place', 'push_around', 'push_two', 'stack')
 _POLICIES = ('random', 'expert', 'trained')
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
