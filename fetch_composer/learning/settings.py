@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import fetch_composer
+from fetch_composer import tasks
 from fetch_composer.explorer.episodes import seeds
 
 # Seeds of environments: to learn from, for the curve, and used once, when all is learned.
@@ -22,7 +23,7 @@ class Settings:
 
     Attributes:
         environment_steps: Control steps, all environments together, after which a run ends.
-        episode_steps: Control steps of an episode.
+        episode_steps: Control steps of an episode; by default as many as the task has.
         num_envs: Environments of the batch. One iteration is one episode of each, then updates.
         random_iterations: Iterations at the beginning that act at random and update nothing.
         updates_per_step: Updates of the critics for each control step.
@@ -168,7 +169,8 @@ def for_task(task: str, frugal: bool = False, changes: Mapping[str, Any] | None 
         raise ValueError(
             f'Unknown setting {", ".join(map(repr, unknown))}; valid are {", ".join(names())}.'
         )
-    chosen = dict(_OF_TASK.get(task, {}))
+    of_episode = tasks.default_options(task).max_episode_steps or Settings.episode_steps
+    chosen = {'episode_steps': of_episode, **_OF_TASK.get(task, {})}
     if frugal:
         chosen |= _FRUGAL | _FRUGAL_OF_TASK.get(task, {})
     return Settings(**chosen | changes)
