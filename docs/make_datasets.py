@@ -18,7 +18,7 @@ from fetch_composer.explorer.episodes import provenance, seeds
 from fetch_composer.explorer.results import writing
 
 TABLE = 'datasets: made by make datasets'
-HEADER = ('dataset', 'flags', 'episodes', 'success (%)', 'return', 'MB')
+HEADER = ('dataset', 'seeds', 'success (%)', 'return', 'MB')
 # The flags of each kind. Its episodes have seeds of their own, so that kinds can be joined.
 KINDS = {
     'expert': ('--policy=expert',),
@@ -30,7 +30,7 @@ EPISODES = 1000
 
 _PAGE = pathlib.Path(__file__).parent / 'datasets.md'
 _TASKS = ('reach', 'push', 'slide', 'pick_and_place')
-_NONE_MADE = ('not measured yet', '', '')
+_NONE_MADE = ('', 'not measured yet', '', '')
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--runs', type=pathlib.Path, default='output/datasets', help='their folder')
@@ -43,10 +43,10 @@ parser.add_argument('--episodes', type=int, default=EPISODES)
 def _target(args: argparse.Namespace, name: str) -> str:
     places = {
         'minari': f'fetch/{name}-v0',
-        'ogbench': f'{args.runs}/{name}.npz',
-        'lerobot': f'{args.runs}/lerobot_{name}',
+        'ogbench': f'ogbench:{args.runs}/{name}.npz',
+        'lerobot': f'lerobot:{args.runs}/lerobot_{name}',
     }
-    return f'{args.format}:{places[args.format]}'
+    return places[args.format]
 
 
 def _flags(kind: str, episodes: int) -> list[str]:
@@ -73,15 +73,14 @@ def _make(args: argparse.Namespace, task: str, kind: str) -> None:
 def _row(args: argparse.Namespace, task: str, kind: str) -> list[str]:
     """Returns the row of a dataset; one that says so of a dataset that is not there."""
     target = _target(args, f'{task}-{kind}')
-    named = [f'`{target}`', f'`{" ".join(_flags(kind, args.episodes)[:-1])}`']
     summary = files.load_json(args.runs / f'{task}_{kind}' / writing.SUMMARY)
     path = formats.dataset(target).path
     if not summary or not path.exists():
-        return [*named, '', *_NONE_MADE]
+        return [f'`{target}`', *_NONE_MADE]
     low, high = summary['success_interval']
     return [
-        *named,
-        str(summary['episodes_finished']),
+        f'`{target}`',
+        f'{summary["episodes"][0]["seed"]}–{summary["episodes"][-1]["seed"]}',
         f'{100 * summary["success_rate"]:.1f} ({100 * low:.1f}–{100 * high:.1f})',
         f'{summary["return"]["mean"]:.1f}',
         f'{_size(path) / 1e6:.0f}',
@@ -100,7 +99,9 @@ def main(args: argparse.Namespace) -> None:
             _make(args, task, kind)
     rows: list[Any] = [_row(args, task, kind) for task in _TASKS for kind in KINDS]
     named = ', '.join(f'{name} {each}' for name, each in provenance.versions().items() if each)
-    text = f'{markdown.table(HEADER, rows)}\n\nMade with {named}.'
+    kinds = [(kind, f'`{" ".join(flags)}`') for kind, flags in KINDS.items()]
+    tables = (markdown.table(('kind', 'flags'), kinds), markdown.table(HEADER, rows))
+    text = '\n\n'.join((*tables, f'Made with {named}.'))
     markdown.write_between_markers(args.page, TABLE, text)
     print(f'Wrote {args.page}.')
 
