@@ -28,7 +28,6 @@ _NOT_RUN = {
     ('new_task.md', "register('push_through_gate')"): 'tests/test_new_task.py runs it',
     ('clients.md', 'from stable_baselines3'): 'needs Stable-Baselines3, and torch',
     ('clients.md', 'SB3VecEnv'): 'needs Stable-Baselines3, and torch',
-    ('clients.md', 'import minari'): 'needs a Minari dataset that has been written',
     ('datasets.md', 'import minari'): 'tests/clients/test_minari.py runs it',
     ('datasets.md', 'episode = dataset[0]'): 'tests/clients/test_minari.py runs it',
 }
