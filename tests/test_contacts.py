@@ -24,7 +24,7 @@ class _Crowded(tasks.GoalTask):
 
     def __init__(self, options=tasks.TaskOptions()):  # noqa: B008
         block = entities.Block(quaternion=options.object_quaternion)
-        super().__init__(options, push._WORKSPACE, block)
+        super().__init__(options, push._WORKSPACE, (block,))
         top = self.workspace.table_top
         for name, (x, y), below in (
             ('on_table', (1.45, 0.9), top),

@@ -124,6 +124,8 @@ class Scene:
         self.table = entities.Table(workspace.table_half_size, workspace.table_friction)
         self.arena.attach(self.table).pos = workspace.table_position
 
+        if isinstance(objects, entities.Block):
+            raise ValueError('objects must be a sequence of blocks; put a single one into a tuple.')
         self.objects = tuple(objects)
         self.targets = self._made_targets()
         self.target_frames = [self.arena.attach(each) for each in self.targets]
