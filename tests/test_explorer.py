@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import fetch_composer
+from fetch_composer import tasks
 from fetch_composer.explorer import files, flags
 from fetch_composer.explorer import run as run_lib
 from fetch_composer.explorer.pictures import contact_sheet
@@ -255,7 +256,7 @@ def test_the_documented_task_of_ones_own_is_explored(tmp_path):
 
 
 def test_every_task_can_be_explored(tmp_path):
-    for task in fetch_composer.ALL:
+    for task in (*tasks.published(), 'push_around', 'push_two', 'stack'):
         folder = tmp_path / task
         run = run_lib.Run(runs.options(task=task, policy=['random'], output_dir=str(folder)), None)
         run.run()

@@ -76,7 +76,7 @@ def episodes():
 @pytest.fixture(scope='module')
 def setting():
     task = registry.make('push')
-    identity = Identity('push', 'documented', 'displacement', '', '3')
+    identity = Identity('push', 'documented', 'displacement', '', '3', shapes={})
     return Setting('push', 'documented', task.workspace, True, 0.04, 3, identity)
 
 

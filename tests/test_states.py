@@ -180,6 +180,7 @@ def test_a_state_made_by_hand_that_cannot_be_is_refused_and_nothing_changes():
         ({'given': {'position': (1, 2)}}, 'valid are object_position, goal'),
         ({'given': {'goal': (9, 9, 9)}}, 'off the table'),
         ({'generator': None}, 'generator of kind None'),
+        ({'generator': {**kept.generator, 'state': np.array(1.0)}}, 'not one of PCG64'),
         ({'generator': {'bit_generator': 'PCG64'}}, 'generator is not one of PCG64'),
     ]
     for change, message in refused:

@@ -88,5 +88,5 @@ def check_generator(generator: np.random.RandomState, state: Mapping[str, Any]) 
         )
     try:
         _trial(needed).set_state(dict(state))
-    except (ValueError, TypeError, KeyError, OverflowError) as error:
+    except (ValueError, TypeError, LookupError, OverflowError) as error:
         raise ValueError(f"The state's generator is not one of {needed}: {error}.") from None
