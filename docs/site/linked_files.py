@@ -14,7 +14,14 @@ GENERATED = _DOCS / 'generated'
 _FILES = GENERATED / 'files'
 
 _LINK = re.compile(r'\]\(([^)#\s]*)(#[^)\s]*)?\)')
-_LANGUAGES = {'.py': 'python', '.json': 'json', '.csv': 'text', '.txt': 'text', '.md': 'markdown'}
+_LANGUAGES = {
+    '.yml': 'yaml',
+    '.py': 'python',
+    '.json': 'json',
+    '.csv': 'text',
+    '.txt': 'text',
+    '.md': 'markdown',
+}
 _PICTURES = ('.png', '.gif')
 _ORPHAN = '---\norphan: true\n---\n\n'
 
