@@ -9,7 +9,7 @@ from dm_control.composer.variation import distributions
 import fetch_composer
 from fetch_composer import entities, tasks
 from fetch_composer.entities import contact_pairs
-from fetch_composer.tasks import push, samplers
+from fetch_composer.tasks import samplers, tabletop
 from tests import episodes
 
 _NUM_ENVS = 2
@@ -24,7 +24,7 @@ class _Crowded(tasks.GoalTask):
 
     def __init__(self, options=tasks.TaskOptions()):  # noqa: B008
         block = entities.Block(quaternion=options.object_quaternion)
-        super().__init__(options, push._WORKSPACE, (block,))
+        super().__init__(options, tabletop.WORKSPACE, (block,))
         top = self.workspace.table_top
         for name, (x, y), below in (
             ('on_table', (1.45, 0.9), top),

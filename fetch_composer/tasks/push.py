@@ -1,18 +1,7 @@
 """Push: move a block to a place on the table with a closed gripper."""
 
-from fetch_composer import entities
-from fetch_composer.tasks import conventions, goal_task, registry, samplers, scene, settled
+from fetch_composer.tasks import conventions, goal_task, registry, samplers, settled, tabletop
 from fetch_composer.tasks.options import TaskOptions
-
-_WORKSPACE = scene.Workspace(
-    robot_position=(0.405, 0.48, 0.0),
-    gripper_position=(1.3419, 0.7491, 0.555),
-    table_position=(1.3, 0.75, 0.2),
-    table_half_size=(0.25, 0.35, 0.2),
-)
-
-_BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
-_BLOCK_MASS = 2.0  # kg
 
 # The block starts, and its goal lies, up to this many m from the gripper along x and along y ...
 _BLOCK_RANGE = 0.15
@@ -30,10 +19,8 @@ class Push(goal_task.GoalTask):
 
     def __init__(self, options: TaskOptions = TaskOptions()) -> None:
         """Initializes the task."""
-        block = entities.Block(
-            size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
-        )
-        super().__init__(options, _WORKSPACE, (block,), settled=settled.load('push'))
+        block = tabletop.block(options)
+        super().__init__(options, tabletop.WORKSPACE, (block,), settled=settled.load('push'))
 
     def _build_samplers(self):
         return (

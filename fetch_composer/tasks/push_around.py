@@ -4,18 +4,8 @@ import numpy as np
 from dm_control.composer import variation
 
 from fetch_composer import entities
-from fetch_composer.tasks import goal_task, registry, scene
+from fetch_composer.tasks import goal_task, registry, tabletop
 from fetch_composer.tasks.options import TaskOptions
-
-_WORKSPACE = scene.Workspace(
-    robot_position=(0.405, 0.48, 0.0),
-    gripper_position=(1.3419, 0.7491, 0.555),
-    table_position=(1.3, 0.75, 0.2),
-    table_half_size=(0.25, 0.35, 0.2),
-)
-
-_BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
-_BLOCK_MASS = 2.0  # kg
 
 # The wall is a little higher than a block, which would be lifted over a lower one; the gripper
 # passes over it.
@@ -27,8 +17,6 @@ WALL_CENTRE = (1.3419, 0.7491)  # x and y in m, below the gripper's start.
 _ALONG = 0.08
 _BESIDE = (0.08, 0.15)
 
-_EPISODE_STEPS = 100
-
 
 @registry.register('push_around')
 class PushAround(goal_task.GoalTask):
@@ -36,19 +24,15 @@ class PushAround(goal_task.GoalTask):
 
     instruction = 'push the block around the wall to the red mark'
 
-    def __init__(
-        self, options: TaskOptions = TaskOptions(max_episode_steps=_EPISODE_STEPS)
-    ) -> None:
+    def __init__(self, options: TaskOptions = tabletop.LONG_EPISODES) -> None:
         """Initializes the task."""
-        block = entities.Block(
-            size=_BLOCK_HALF_SIZE, mass=_BLOCK_MASS, quaternion=options.object_quaternion
-        )
+        block = tabletop.block(options)
         wall = entities.Obstacle(
-            position=(*WALL_CENTRE, _WORKSPACE.table_top + WALL_HALF_SIZE[2]),
+            position=(*WALL_CENTRE, tabletop.WORKSPACE.table_top + WALL_HALF_SIZE[2]),
             half_size=WALL_HALF_SIZE,
             name='wall',
         )
-        super().__init__(options, _WORKSPACE, (block,), obstacles=(wall,))
+        super().__init__(options, tabletop.WORKSPACE, (block,), obstacles=(wall,))
 
     def _build_samplers(self):
         return _BesideWall(), _BesideWall(self.object_height)

@@ -10,10 +10,10 @@ import numpy as np
 from fetch_composer.policies.experts import motion
 from fetch_composer.policies.experts.detour import Obstacle
 from fetch_composer.policies.experts.push import push
-from fetch_composer.tasks import layout
+from fetch_composer.tasks import layout, tabletop
 
 _PLACES = layout.of(2)
-_BLOCK_HALF_SIZE = np.array((0.025, 0.025))  # m
+_BLOCK_HALF_SIZE = np.array(tabletop.BLOCK_HALF_SIZE[:2])  # m
 
 
 class PushTwoExpert:
