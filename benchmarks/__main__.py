@@ -43,11 +43,17 @@ def main(arguments: list[str] | None = None) -> None:
     growth_sides = row_lib.growth_sides()
     num_pairs, num_warm_up = options.pairs, _WARM_UP
     if options.quick:
-        rows, breakdowns = row_lib.quick_rows(), breakdowns[:1]
+        rows, breakdowns = row_lib.quick_rows(), breakdowns[::2]  # One convention.
         growth_sides = row_lib.growth_sides((1, 8))
         num_pairs, num_warm_up = _QUICK_PAIRS, _QUICK_WARM_UP
     interpreters = meters.Interpreters({peer: getattr(options, peer) for peer in row_lib.PEERS})
     measured: dict[str, Any] = {'machine': results.describe_machine(), 'rows': []}
+    if options.only in ('', 'breakdown'):
+        _say('where the time goes')
+        measured['breakdowns'] = [
+            results.measure_breakdown(each, interpreters, num_pairs, num_warm_up)
+            for each in breakdowns
+        ]
     for row in rows:
         if options.only in ('', row.group):
             _say(f'{row.ours.label} against {row.peer.label}')
@@ -57,12 +63,6 @@ def main(arguments: list[str] | None = None) -> None:
         measured['growth'] = results.measure_growth(
             growth_sides, interpreters, max(3, num_pairs // 3), num_warm_up
         )
-    if options.only in ('', 'breakdown'):
-        _say('where the time goes')
-        measured['breakdowns'] = [
-            results.measure_breakdown(each, interpreters, num_pairs, num_warm_up)
-            for each in breakdowns
-        ]
     _write(measured, options.output_dir)
     _write_pages(measured, options.write)
 

@@ -11,7 +11,7 @@ import mujoco.batch
 
 import fetch_composer
 from benchmarks.workers import protocol, rounds
-from fetch_composer.tasks import drive, goal_task, observation, rewards
+from fetch_composer.tasks import action_modes, goal_task, observation, rewards
 
 # What is timed: owner, attribute, and the part of a control step that it is.
 _SINGLE_PARTS = (
@@ -24,7 +24,7 @@ _SINGLE_PARTS = (
     (goal_task.GoalTask, 'should_terminate_episode', 'reward, termination'),
 )
 _BATCH_PARTS = (
-    (drive, 'clip', 'validation, action'),
+    (action_modes.ActionMode, 'clip', 'validation, action'),
     (mujoco.batch.Batch, 'step', 'physics, refresh of kinematics'),
     (mujoco.batch.Batch, 'forward', 'physics, refresh of kinematics'),
     (observation.BatchObserver, 'observation', 'observation'),

@@ -61,7 +61,6 @@ class BatchEnvironment:
         # where episodes start.
         task_made = tasks.make(task, **task_kwargs)
         self._task_name, self._options = task_made.name, task_made.options
-        self._clip = self._options.mode.clip
         self._pictures: BatchPictures | None = None
         if self._options.observation_mode != 'features':
             self._pictures = BatchPictures(task, task_kwargs, self._num_envs)
@@ -228,7 +227,7 @@ class BatchEnvironment:
                 the next step it starts anew, and the others go on.
         """
         self._check_open()
-        actions = self._clip(actions, (self._num_envs,))
+        actions = self._options.mode.clip(actions, (self._num_envs,))
         running = ~self._episodes.is_over
         if running.all():
             diverged = self._advance(actions, None)
