@@ -83,7 +83,7 @@ def main(args: argparse.Namespace) -> None:
 
     files.prepare_folder(args.output_dir)
     path = args.output_dir / 'policy.onnx'
-    export.save(path, networks.Policy(state[0], scale))
+    export.save(path, networks.Policy(state[0], scale), size)
     minutes = (time.monotonic() - start) / 60
     result = explorer.evaluate(str(path), task, convention=convention).success_rate
     print(f'{path}: success {result.value:.3f} of 100 episodes, in {minutes:.1f} min')

@@ -112,7 +112,7 @@ def main(args: argparse.Namespace) -> None:
         'versions': {**provenance.versions(), 'jax': jax.__version__},
     }
     files.prepare_folder(args.output_dir)
-    export.save(args.output_dir / 'policy.onnx', policy)
+    export.save(args.output_dir / 'policy.onnx', policy, size)
     files.save_json(args.output_dir / 'summary.json', summary)
     print(f'success {result.value:.3f} over {len(successes)} episodes, in {minutes:.1f} min')
 

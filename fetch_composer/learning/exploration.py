@@ -6,10 +6,7 @@ import numpy as np
 
 from fetch_composer.learning import networks
 from fetch_composer.learning.settings import Settings
-
-# Where an observation of a task with an object has what Reach observes of the gripper.
-_OF_GRIPPER = np.r_[0:3, 9:11, 20:25]
-_OBJECT = slice(3, 6)
+from fetch_composer.tasks import layout
 
 # A relay ends where it was going to, or after some steps, drawn anew for each episode.
 _ARRIVED = 0.015  # m
@@ -74,6 +71,15 @@ class Explorer:
         self._relay_noise = draw.choice(_RELAY_NOISE, (count, 1))
         self._steps_left = draw.integers(*_RELAY_STEPS, count)
         self._relaying = draw.random(count) < self._settings.relay_share
+        layouts = layout.of_size(observation.shape[-1])
+        at = layouts[0]
+        # What Reach observes of the gripper.
+        self._of_gripper = np.r_[
+            at.grip_position, at.fingers, at.grip_velocity, at.finger_velocities
+        ]
+        starts = np.array([each.object_position.start for each in layouts])
+        which = draw.integers(len(starts), size=count) if len(starts) > 1 else np.zeros(count, int)
+        self._of_object = starts[which][:, None] + np.arange(3)
 
     def act(
         self, policy: networks.Policy | None, observation: np.ndarray, goal: np.ndarray
@@ -83,7 +89,7 @@ class Explorer:
         Args:
             policy: What has been learned so far; None for uniform actions.
             observation: (num_envs, size) float32
-            goal: (num_envs, 3) float32
+            goal: (num_envs, goal_size) float32
         """
         settings, draw = self._settings, self._generator
         shape = (len(observation), networks.ACTION_SIZE)
@@ -99,13 +105,13 @@ class Explorer:
     def _act_relay(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
         """Returns the actions, with those of the relay where it is under way."""
         assert self._relay is not None
-        place = observation[:, _OBJECT] + self._offset
+        place = np.take_along_axis(observation, self._of_object, axis=1) + self._offset
         way = np.linalg.norm(place - observation[:, :3], axis=1)
         self._relaying &= (self._steps_left > 0) & (way > _ARRIVED)
         self._steps_left -= 1
         if not self._relaying.any():
             return action
-        seen = observation[:, _OF_GRIPPER]
+        seen = observation[:, self._of_gripper]
         seen[:, :3] += self._shift
         reaching = self._relay.policy.act(seen, (place + self._shift).astype(np.float32))
         reaching = reaching + self._relay_noise * self._generator.standard_normal(reaching.shape)

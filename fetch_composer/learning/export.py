@@ -36,19 +36,16 @@ class _Graph:
         return name
 
 
-def save(path: pathlib.Path, policy: networks.Policy) -> None:
+def save(path: pathlib.Path, policy: networks.Policy, observation_size: int) -> None:
     """Writes a policy.
 
-    The network takes `observation` (batch, size) and `desired_goal` (batch, 3), and gives
+    The network takes `observation` (batch, size) and `desired_goal` (batch, goal_size), and gives
     `action` (batch, 4); the number of rows is free.
     """
     mean, inverse_deviation = policy.scale
-    size = len(np.asarray(mean)) - 2 * networks.GOAL_SIZE
-    start = networks.achieved_goal_start(size)
+    indices = networks.achieved_goal_indices(observation_size)
     graph = _Graph()
-    achieved = graph.add(
-        'Slice', ['observation', np.array([start]), np.array([start + 3]), np.array([1])]
-    )
+    achieved = graph.add('Gather', ['observation', indices], axis=1)
     way = graph.add('Sub', ['desired_goal', achieved])
     features = graph.add('Concat', ['observation', 'desired_goal', way], axis=1)
     x = graph.add('Mul', [graph.add('Sub', [features, mean]), inverse_deviation])
@@ -69,7 +66,7 @@ def save(path: pathlib.Path, policy: networks.Policy) -> None:
         helper.make_graph(
             graph.nodes,
             'policy',
-            [_rows('observation', size), _rows('desired_goal', networks.GOAL_SIZE)],
+            [_rows('observation', observation_size), _rows('desired_goal', len(indices))],
             [_rows('action', networks.ACTION_SIZE)],
             graph.constants,
         ),

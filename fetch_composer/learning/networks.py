@@ -1,5 +1,6 @@
 """The networks: layers, what they see, and the policy that an actor is."""
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,33 +9,43 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from fetch_composer.tasks import layout
+
 # A network is a list of layers, a layer a dict of arrays.
 Network = list[dict[str, jax.Array]]
 
 ACTION_SIZE = 4
-GOAL_SIZE = 3
 LAYER_NORM_EPSILON = 1e-5
 FEATURE_LIMIT = 5.0  # Normalised features are clipped at this.
 _SMALLEST_DEVIATION = 2e-3  # What hardly varies is not blown up to 1.
 
 
 def achieved_goal(observation):
-    """Returns the (..., 3) part of (..., 25) or (..., 10) observations that a goal is about.
+    """Returns the (..., 3 n) part of (..., size) observations that a goal is about.
 
-    It is the object's position or, where there is no object, the gripper's.
+    It is the position of each of n objects or, where there is no object, the gripper's.
     """
-    start = achieved_goal_start(observation.shape[-1])
-    return observation[..., start : start + GOAL_SIZE]
+    indices = achieved_goal_indices(observation.shape[-1])
+    start, end = indices[0], indices[-1] + 1
+    if end - start == len(indices):
+        return observation[..., start:end]  # Cheaper than an index for each.
+    return observation[..., indices]
 
 
-def achieved_goal_start(observation_size: int) -> int:
-    """Returns the index at which the achieved goal begins within an observation."""
-    return 0 if observation_size == 10 else 3
+@functools.cache
+def achieved_goal_indices(observation_size: int) -> np.ndarray:
+    """Returns (3 n,) where the numbers of the achieved goal are within an observation."""
+    layouts = layout.of_size(observation_size)
+    places = [
+        each.object_position if each.object_position.stop else each.grip_position
+        for each in layouts
+    ]
+    return np.concatenate([np.arange(each.start, each.stop) for each in places])
 
 
 def num_features(observation_size: int) -> int:
     """Returns how many numbers the networks see."""
-    return observation_size + 2 * GOAL_SIZE
+    return observation_size + 2 * len(achieved_goal_indices(observation_size))
 
 
 def features(observation: ArrayLike, goal: ArrayLike) -> jax.Array:
@@ -69,8 +80,8 @@ class FeatureStatistics:
         self.sums = np.zeros((2, size))  # Of the features and of their squares.
 
     def add(self, observations: np.ndarray, goals: np.ndarray) -> None:
-        """Adds (n, steps, size) observations of episodes with (n, 3) goals."""
-        goals = np.broadcast_to(goals[:, None], (*observations.shape[:2], GOAL_SIZE))
+        """Adds (n, steps, size) observations of episodes with (n, goal_size) goals."""
+        goals = np.broadcast_to(goals[:, None], (*observations.shape[:2], goals.shape[-1]))
         seen = np.asarray(features(observations, goals), np.float64)
         seen = seen.reshape(-1, seen.shape[-1])
         self.count += len(seen)
@@ -148,6 +159,6 @@ class Policy(NamedTuple):
 
         Args:
             observation: (n, size) float32 observations.
-            goal: (n, 3) float32 desired goals.
+            goal: (n, goal_size) float32 desired goals.
         """
         return np.asarray(_policy(self.actor, self.scale, observation, goal))

@@ -18,7 +18,7 @@ class Episodes(NamedTuple):
 
     Attributes:
         observations: (n, steps + 1, size) float32.
-        goals: (n, 3) float32 desired goals.
+        goals: (n, goal_size) float32 desired goals.
         actions: (n, steps, 4) float32.
     """
 
@@ -38,7 +38,7 @@ class Transitions(NamedTuple):
     Attributes:
         observation: (..., size) before the action.
         action: (..., 4)
-        goal: (..., 3) the goal that the reward is about.
+        goal: (..., goal_size) the goal that the reward is about.
         reward: (...,) after the action.
         next_observation: (..., size)
     """
@@ -66,11 +66,12 @@ class HindsightReplay:
             observation_size: Length of an observation.
         """
         capacity = settings.replay_episodes
+        goal_indices = networks.achieved_goal_indices(observation_size)
         self._settings = settings
         self._steps = steps
         self._episodes = Episodes(
             np.zeros((capacity, steps + 1, observation_size), np.float32),
-            np.zeros((capacity, networks.GOAL_SIZE), np.float32),
+            np.zeros((capacity, len(goal_indices)), np.float32),
             np.zeros((capacity, steps, networks.ACTION_SIZE), np.float32),
         )
         self._moved = np.zeros(capacity, bool)
@@ -88,7 +89,7 @@ class HindsightReplay:
         achieved = networks.achieved_goal(episodes.observations)
         way = achieved - achieved[:, :1]
         self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
-        self._lifted[rows] = way[..., 2].max(axis=1) > _LIFTED
+        self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
         self._added += len(rows)
 
     def sample(self, generator: np.random.Generator, shape: tuple[int, ...]) -> Transitions:

@@ -98,6 +98,14 @@ class Settings:
             raise ValueError('moved_share and lifted_share must not exceed 1 together.')
 
 
+# A grasp is a rare accident. The relay brings the open gripper right to the block, and what was
+# lifted is rehearsed more often.
+_GRASP: dict[str, Any] = {
+    'relay_spread': 0.02,
+    'lifted_share': 0.2,
+    'evaluate_every': 10,
+}
+
 # Where a task differs from the settings above, and why.
 _OF_TASK: dict[str, dict[str, Any]] = {
     # Nothing has to be found or moved: a small network and a minute are enough.
@@ -111,14 +119,9 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'evaluate_every': 2,
     },
     'push': {},
-    # A grasp is a rare accident. The relay brings the open gripper right to the block, and what
-    # was lifted is rehearsed more often.
-    'pick_and_place': {
-        'environment_steps': 600_000,
-        'relay_spread': 0.02,
-        'lifted_share': 0.2,
-        'evaluate_every': 10,
-    },
+    'pick_and_place': {'environment_steps': 600_000, **_GRASP},
+    'stack': {'environment_steps': 1_000_000, **_GRASP},
+    'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more. Noise spoils a hit, and so it fades once hits are known.
     'slide': {

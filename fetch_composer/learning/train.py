@@ -9,7 +9,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from fetch_composer import tasks
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.folder_lock import FolderLock
@@ -51,11 +50,6 @@ class Options:
             raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f'minutes must be positive, got {self.minutes}.')
-        count = len(tasks.make(self.task, convention=self.convention).scene.objects)
-        if count > 1:
-            raise ValueError(
-                f'The learner is for tasks of one object, or of none; {self.task!r} has {count}.'
-            )
 
     @property
     def command(self) -> str:
@@ -267,7 +261,7 @@ class Run:
             **options.decisive,
             'versions': {**provenance.versions(), 'jax': jax.__version__},
         }
-        export.save(options.output_dir / 'policy.onnx', self.policy)
+        export.save(options.output_dir / 'policy.onnx', self.policy, trainer.observation_size)
         title = f'{options.task}, {options.convention}, seed {options.seed}'
         if self.points:
             curve.save_picture(options.output_dir / 'curve.png', self.points, title)

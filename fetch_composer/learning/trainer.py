@@ -29,6 +29,7 @@ class Trainer:
         iterations: How many there were.
         updates: Updates of the critics so far.
         loss: Mean loss of the critics in the last iteration.
+        observation_size: How many numbers the networks observe, the goal's apart.
         gripper_start: (2,) x and y in m at which the gripper starts.
     """
 
@@ -51,6 +52,7 @@ class Trainer:
             max_episode_steps=settings.episode_steps,
         )
         (size,) = self._batch.single_observation_spec()['observation'].shape
+        self.observation_size = size
         seeds = np.random.SeedSequence(seed).spawn(2)
         # Two, since exploring and updates go on at the same time.
         self._generator, self._exploring_generator = map(np.random.default_rng, seeds)

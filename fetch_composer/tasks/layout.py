@@ -79,6 +79,11 @@ def of(count: int) -> tuple[Layout, ...]:
     return tuple(_of_several(count, size))
 
 
+def of_size(size: int) -> tuple[Layout, ...]:
+    """Returns the layouts of an observation of so many numbers."""
+    return of((size - WITHOUT_OBJECT.size) // (len(_OF_AN_OBJECT) * _AXES))
+
+
 def _of_several(count: int, size: int) -> Iterator[Layout]:
     start = WITHOUT_OBJECT.size
     for _ in range(count):
