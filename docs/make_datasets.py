@@ -12,6 +12,7 @@ import sys
 from typing import Any
 
 from benchmarks import markdown
+from docs import make_results
 from fetch_composer.explorer import files
 from fetch_composer.explorer.datasets import formats
 from fetch_composer.explorer.episodes import provenance, seeds
@@ -29,13 +30,12 @@ KINDS = {
 EPISODES = 1000
 
 _PAGE = pathlib.Path(__file__).parent / 'datasets.md'
-_TASKS = ('reach', 'push', 'slide', 'pick_and_place')
 _NONE_MADE = ('', 'not measured yet', '', '')
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--runs', type=pathlib.Path, default='output/datasets', help='their folder')
 parser.add_argument('--page', type=pathlib.Path, default=_PAGE, help='the page to write into')
-parser.add_argument('--tasks', nargs='+', default=_TASKS)
+parser.add_argument('--tasks', nargs='+', default=make_results.TASKS)
 parser.add_argument('--format', choices=formats.FORMATS, default='minari')
 parser.add_argument('--episodes', type=int, default=EPISODES)
 
@@ -97,7 +97,7 @@ def main(args: argparse.Namespace) -> None:
     for task in args.tasks:
         for kind in KINDS:
             _make(args, task, kind)
-    rows: list[Any] = [_row(args, task, kind) for task in _TASKS for kind in KINDS]
+    rows: list[Any] = [_row(args, task, kind) for task in make_results.TASKS for kind in KINDS]
     named = ', '.join(f'{name} {each}' for name, each in provenance.versions().items() if each)
     kinds = [(kind, f'`{" ".join(flags)}`') for kind, flags in KINDS.items()]
     tables = (markdown.table(('kind', 'flags'), kinds), markdown.table(HEADER, rows))

@@ -22,13 +22,13 @@ TABLE = 'standard evaluation: made by make results'
 
 _PAGE = pathlib.Path(__file__).parent / 'results.md'
 _TRAINED = pathlib.Path(policies.__file__).parent / 'trained'
-_TASKS = ('reach', 'push', 'slide', 'pick_and_place', 'push_around', 'push_two', 'stack')
+TASKS = ('reach', 'push', 'slide', 'pick_and_place', 'push_around', 'push_two', 'stack')
 _POLICIES = ('random', 'expert', 'trained')
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--runs', type=pathlib.Path, default='output/results', help='their folder')
 parser.add_argument('--page', type=pathlib.Path, default=_PAGE, help='the page to write into')
-parser.add_argument('--tasks', nargs='+', default=_TASKS)
+parser.add_argument('--tasks', nargs='+', default=TASKS)
 
 
 def _evaluate(folder: pathlib.Path, task: str, convention: str) -> dict[str, Any]:
