@@ -129,7 +129,7 @@ $(VENV)/.test: $(BIN)/python setup.py
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
-.venv-clients-torch/.installed: EXTRA = [explore,rl_zoo,torchrl]
+.venv-clients-torch/.installed: EXTRA = [explore,zoo,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
 .venv-clients-minari/.installed: EXTRA = [minari,ogbench]
 .venv-clients-lerobot/.installed: EXTRA = [lerobot]

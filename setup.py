@@ -78,7 +78,7 @@ setuptools.setup(
         'learn': LEARN,
         'onnx': ONNX,
         'sb3': SB3,
-        'rl_zoo': RL_ZOO,
+        'zoo': RL_ZOO,
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,
         'minari': MINARI + EXPLORE,

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-pytest.importorskip('rl_zoo3', reason="RL Zoo is not installed: pip install -e '.[rl_zoo]'")
+pytest.importorskip('rl_zoo3', reason="RL Zoo is not installed: pip install -e '.[zoo]'")
 
 import yaml  # noqa: E402
 
