@@ -1,7 +1,7 @@
 """Where episodes start: what is given, what is drawn, and the state that follows."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from dm_control.utils import inverse_kinematics
 
 from fetch_composer.tasks import checks, conventions
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.clearance import FINGERTIP_DEPTH, Clearance
 from fetch_composer.tasks.scene import Scene
 from fetch_composer.tasks.settled import SettledState
 from fetch_composer.tasks.variations import Variations
@@ -21,12 +22,7 @@ _ELBOW_UP = (0.01, -0.83, 0.0, 1.44, 0.0, 0.95, 0.0)
 _TOLERANCE = 1e-12  # Of the inverse kinematics, in m and rad.
 _MAX_ERROR = 1e-5  # m
 
-FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
-# An object's rim is at least so far, in m, from the axis of a gripper that is as low as it is.
-_GRIPPER_REACH = 0.0646
 _MAX_REJECTIONS = 1000
-
-_NOTHING: Mapping[str, np.ndarray] = {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,6 +72,7 @@ class EpisodeStarts:
         object_sampler: variation.Variation | None,
         goal_sampler: variation.Variation,
         variations: Variations,
+        raised_goal: Callable[[np.ndarray, np.ndarray], np.ndarray],
         settled: SettledState | None,
     ) -> None:
         """Initializes the starts.
@@ -88,6 +85,8 @@ class EpisodeStarts:
             goal_sampler: Draws the desired goal; as `initial_value` it is given what the
                 other has drawn.
             variations: What else differs between episodes.
+            raised_goal: Returns a drawn goal for objects of another shape, given by how many m each
+                of them rests higher.
             settled: The state to start from; None to start at rest at the documented pose.
         """
         self._scene = scene
@@ -97,7 +96,9 @@ class EpisodeStarts:
         self._object_sampler = object_sampler
         self._goal_sampler = goal_sampler
         self._variations = variations
+        self._raised_goal = raised_goal
         self._settled = settled
+        self._clearance = Clearance(scene, grip_start, variations)
         self._every_episode = Start()
 
     def fix(self, start: Start) -> None:
@@ -115,7 +116,7 @@ class EpisodeStarts:
             if not count:
                 raise ValueError('object_position was given, but this task has no object.')
             object_position = self._workspace.check_object_position(object_position, count)
-            obstacle = self._in_the_way(object_position)
+            obstacle = self._clearance.in_the_way(object_position)
             if obstacle is not None:
                 raise ValueError(obstacle)
         if goal is not None:
@@ -134,43 +135,6 @@ class EpisodeStarts:
                 f'object_position, goal.'
             )
         self.check(**given)
-
-    def _in_the_way(
-        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
-    ) -> str | None:
-        """Returns what keeps objects from starting there, as a message; None if nothing does.
-
-        Args:
-            object_position: (2 n,) x and y in m of each object.
-            values: What was drawn for the episode; nothing for the usual objects and start.
-        """
-        sizes = self._variations.radius_and_height(values)
-        places = object_position.reshape(-1, 2)
-        at = f'object_position {object_position.tolist()} is where'
-        grip = self._grip_start + values.get('gripper_offset', 0.0)
-        for i, (place, (radius, height)) in enumerate(zip(places, sizes, strict=True)):
-            needed = radius + _GRIPPER_REACH
-            is_low = grip[2] - FINGERTIP_DEPTH < self._workspace.table_top + height
-            if is_low and np.linalg.norm(place - grip[:2]) < needed:
-                return (
-                    f'{at} the gripper starts: it must be at least {needed:.3f} m from '
-                    f'{grip[:2].round(4).tolist()}.'
-                )
-            for each in self._scene.obstacles:
-                beyond = np.abs(place - each.position[:2]) - each.half_size[:2]
-                if np.linalg.norm(np.maximum(beyond, 0.0)) < radius:
-                    return (
-                        f'{at} an obstacle stands: it must be at least {radius:.3f} m from the '
-                        f'{(2 * each.half_size[:2]).round(4).tolist()} m around '
-                        f'{each.position[:2].round(4).tolist()}.'
-                    )
-            for other, (other_radius, _) in zip(places[:i], sizes, strict=False):
-                if np.linalg.norm(place - other) < radius + other_radius:
-                    return (
-                        f'{at} two objects meet: they must be at least '
-                        f'{radius + other_radius:.3f} m apart.'
-                    )
-        return None
 
     def draw(
         self,
@@ -197,8 +161,9 @@ class EpisodeStarts:
             next(s.goal for s in sources if s.goal is not None),
             self._variations.draw(random_state),
         )
-        if not start.variations:
-            return start
+        if 'object_shape' in start.variations and start.goal is drawn.goal is not None:
+            raised = np.array(self._variations.raised_by_shape(start.variations))
+            start = dataclasses.replace(start, goal=self._raised_goal(drawn.goal, raised))
         self._check_above_table(start.variations)
         return self._cleared(start, start.object_position is drawn.object_position, random_state)
 
@@ -220,7 +185,7 @@ class EpisodeStarts:
         if place is None:
             return start
         for _ in range(_MAX_REJECTIONS):
-            obstacle = self._in_the_way(place, start.variations)
+            obstacle = self._clearance.in_the_way(place, start.variations)
             if obstacle is None:
                 return dataclasses.replace(start, object_position=place)
             if not was_drawn or self._object_sampler is None:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import pathlib
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -143,15 +143,30 @@ class Identity:
 
 
 def identity(
-    task_name: str, options: TaskOptions, model: mujoco.MjModel, num_goals: int
+    task_name: str,
+    options: TaskOptions,
+    model: mujoco.MjModel,
+    num_goals: int,
+    meshes: Sequence[int],
 ) -> Identity:
-    """Returns the identity of an environment whose model has just been compiled."""
+    """Returns the identity of an environment.
+
+    Args:
+        task_name: Name of its task.
+        options: What was chosen.
+        model: Its model, just compiled.
+        num_goals: How many places a goal has.
+        meshes: Ids of the meshes that its objects are, or may become.
+    """
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
     for name in _BODY_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)).tobytes())
     for name in _GEOM_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
+    for mesh in meshes:
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        digest.update(model.mesh_vert[first : first + count].tobytes())
     return Identity(
         task_name,
         options.convention,
