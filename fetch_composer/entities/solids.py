@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0)
-# Quaternions that turn an axis of a solid up: x, y, z.
+# Quaternions that turn an axis of a solid up, x, y or z, and which axis is then along which.
 _UP = ((np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0), _UPRIGHT)
+_EXTENTS = np.array(((2, 1, 0), (0, 2, 1), (0, 1, 2)))
 
 
 def turned(quaternion: npt.ArrayLike, by: npt.ArrayLike) -> np.ndarray:
@@ -35,11 +36,13 @@ class Solid(abc.ABC):
     Attributes:
         shape: MuJoCo's name of the geom's type.
         num_sizes: How many sizes it has.
+        size_turns_it: Whether its size decides on which of its sides it rests.
         size: (num_sizes,) in m, as MuJoCo has them.
     """
 
     shape: ClassVar[str]
     num_sizes: ClassVar[int]
+    size_turns_it: ClassVar[bool] = False
 
     def __init__(self, size: npt.ArrayLike) -> None:
         self.size = np.array(size, dtype=np.float64)
@@ -172,13 +175,13 @@ class Capsule(Solid):
 
     @property
     def half_extents(self) -> np.ndarray:
-        return self.bounds[[2, 1, 0]]
+        return self.bounds[_EXTENTS[0]]
 
 
 class Ellipsoid(Solid):
     """Semi-axes; the shortest is upright, for it would not rest on another side."""
 
-    shape, num_sizes = 'ellipsoid', 3
+    shape, num_sizes, size_turns_it = 'ellipsoid', 3, True
 
     def moments(self, mass: float) -> np.ndarray:
         square = self.size**2
@@ -202,4 +205,4 @@ class Ellipsoid(Solid):
 
     @property
     def half_extents(self) -> np.ndarray:
-        return self.size[[(2, 1, 0), (0, 2, 1), (0, 1, 2)][self._shortest]]
+        return self.size[_EXTENTS[self._shortest]]

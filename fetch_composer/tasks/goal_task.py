@@ -91,7 +91,7 @@ class GoalTask(GoalConditionedTask):
         self.workspace = workspace
         self.locked_gripper = locked_gripper
         self._settled = settled
-        object_shapes.reshape(objects, options)
+        self._raised = object_shapes.reshape(objects, options)
         self.scene = scene.Scene(
             workspace, self.convention, objects, obstacles, locked_gripper, options.mode
         )
@@ -177,7 +177,8 @@ class GoalTask(GoalConditionedTask):
     def object_heights(self) -> tuple[float, ...]:
         """Height in m at which the centre of each object rests on the table."""
         if self._settled is not None and self._settled.object_height is not None:
-            return (self._settled.object_height,)
+            (raised,) = self._raised
+            return (self._settled.object_height + raised,)
         return tuple(self.workspace.table_top + each.half_height for each in self.scene.objects)
 
     @property

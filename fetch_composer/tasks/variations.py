@@ -122,8 +122,8 @@ class Variations:
                     f'{name!r} cannot vary in the gymnasium_robotics convention, whose start is '
                     'settled; use the documented one.'
                 )
-        if self.vary_shape:
-            for each in scene.objects:
+        for each in scene.objects:
+            if self.vary_shape or ('object_size' in self._given and each.solid.size_turns_it):
                 each.allow_any_shape()
 
     def __bool__(self) -> bool:
