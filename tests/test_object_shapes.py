@@ -36,8 +36,8 @@ def _write_obj(path, vertices, faces=_FACES):
 
 
 @pytest.fixture(scope='module')
-def mesh(tmp_path_factory):
-    return _write_obj(tmp_path_factory.mktemp('meshes') / 'wedge.obj', _VERTICES)
+def mesh():
+    return str(pathlib.Path(__file__).with_name('wedge.obj'))
 
 
 @pytest.fixture(params=shapes.NAMES)
