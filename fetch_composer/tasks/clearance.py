@@ -1,10 +1,10 @@
-"""What keeps objects from starting at a place: the gripper, obstacles, and other objects."""
+"""What keeps objects and props from starting at a place: the gripper, obstacles, one another."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fetch_composer.tasks.scene import Scene
+from fetch_composer.tasks.scene import Prop, Scene
 from fetch_composer.tasks.variations import Variations
 
 FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
@@ -66,3 +66,46 @@ class Clearance:
                         f'{radius + other_solid.reach:.3f} m apart.'
                     )
         return None
+
+    def is_clear(
+        self,
+        prop: Prop,
+        place: np.ndarray,
+        occupied: Sequence[tuple[np.ndarray, float]],
+        values: Mapping[str, np.ndarray],
+    ) -> bool:
+        """Returns whether a prop may start at a place.
+
+        Args:
+            prop: A prop whose place is drawn.
+            place: (2,) x and y in m.
+            occupied: x and y, (2,), and radius, in m, of what else stands on the table.
+            values: What was drawn for the episode.
+        """
+        reach, height = prop.block.solid.reach, 2 * prop.block.half_height
+        grip = self._grip_start + values.get('gripper_offset', 0.0)
+        if grip[2] - FINGERTIP_DEPTH < self._scene.workspace.table_top + height:
+            occupied = [*occupied, (grip[:2], _GRIPPER_REACH)]
+        workspace = self._scene.workspace
+        if (np.abs(place - workspace.table_position[:2]) > workspace.table_half_size[:2]).any():
+            return False
+        for each in self._scene.obstacles:
+            beyond = np.maximum(np.abs(place - each.position[:2]) - each.half_size[:2], 0.0)
+            if np.linalg.norm(beyond) < reach:
+                return False
+        return all(np.linalg.norm(place - other) >= reach + radius for other, radius in occupied)
+
+    def occupied(
+        self,
+        object_position: np.ndarray | None,
+        goal: np.ndarray,
+        values: Mapping[str, np.ndarray],
+    ) -> list[tuple[np.ndarray, float]]:
+        """Returns x and y, (2,), and radius, in m, of objects, their goals, and props in place."""
+        props = [each for each in self._scene.props if each.sampler is None]
+        found = [(each.position[:2], each.block.solid.reach) for each in props]
+        if object_position is not None:
+            solids = self._variations.solids(values)
+            for places in (object_position.reshape(-1, 2), goal.reshape(-1, 3)[:, :2]):
+                found += [(at, each.reach) for at, each in zip(places, solids, strict=True)]
+        return found

@@ -56,6 +56,7 @@ class GoalScene:
         """Places objects and gripper at the goal of an episode, if one has started."""
         if start.goal is None:
             return
+        self._usual_qpos = self._starts.usual_qpos(start)
         data, addresses = self.physics.data, self._addresses
         places = start.goal.reshape(-1, 3)
         grip_position = places[-1]
@@ -89,7 +90,7 @@ class GoalScene:
         return False
 
     def _place_as_usual(self) -> None:
-        self.physics.data.qpos[:] = self._starts.usual_qpos()
+        self.physics.data.qpos[:] = self._usual_qpos
         self._update()
 
     def _solve(self, position: np.ndarray, quaternion: Sequence[float] | None) -> float:

@@ -226,8 +226,14 @@ class GoalTask(GoalConditionedTask):
         self._goal.compile(model, self.addresses, self._observer)
         meshes = [physics.bind(each.mesh).element_id for each in self.scene.objects if each.mesh]
         self.identity = state_lib.identity(
-            self.name, self.options, model, self.scene.num_goals, meshes
+            self.name,
+            self.options,
+            model,
+            self.scene.num_goals,
+            len(self.scene.drawn_props),
+            meshes,
         )
+        self._start = starts.Start(prop_position=np.zeros(2 * len(self.scene.drawn_props)))
         self.starts.compile(physics, self.addresses)
         self.close()
         if any(
@@ -272,6 +278,7 @@ class GoalTask(GoalConditionedTask):
             physics=state_lib.get_physics(self._model, self._data),
             gripper_pose=self._drive.gripper_pose(),
             goal=self._goal.position,
+            prop_position=self._start.prop_position.copy(),
             steps_taken=self._steps_taken,
             is_over=is_over,
             variations=self._start.variations,
@@ -302,7 +309,11 @@ class GoalTask(GoalConditionedTask):
             # Positions were those of one substep earlier, and pictures show them.
             drive.fall_behind(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-        self._start = starts.Start(goal=self._goal.position, variations=state.variations)
+        self._start = starts.Start(
+            goal=self._goal.position,
+            variations=state.variations,
+            prop_position=state.prop_position.copy(),
+        )
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
 

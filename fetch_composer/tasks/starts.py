@@ -12,7 +12,7 @@ from dm_control.utils import inverse_kinematics
 from fetch_composer.tasks import checks, conventions
 from fetch_composer.tasks.addresses import Addresses
 from fetch_composer.tasks.clearance import FINGERTIP_DEPTH, Clearance
-from fetch_composer.tasks.scene import Scene
+from fetch_composer.tasks.scene import Prop, Scene
 from fetch_composer.tasks.settled import SettledState
 from fetch_composer.tasks.variations import Variations
 
@@ -33,11 +33,13 @@ class Start:
         object_position: (2 n,) x and y in m at which each of n objects starts; None without one.
         goal: (3 n,) desired goal in m.
         variations: What was drawn for this episode, by name of the variation.
+        prop_position: (2 k,) x and y in m at which each of k props starts whose places are drawn.
     """
 
     object_position: np.ndarray | None = None
     goal: np.ndarray | None = None
     variations: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    prop_position: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, given: Mapping[str, np.ndarray]) -> 'Start':
@@ -165,7 +167,8 @@ class EpisodeStarts:
             raised = np.array(self._variations.raised_by_shape(start.variations))
             start = dataclasses.replace(start, goal=self._raised_goal(drawn.goal, raised))
         self._check_above_table(start.variations)
-        return self._cleared(start, start.object_position is drawn.object_position, random_state)
+        was_drawn = start.object_position is drawn.object_position
+        return self._with_props(self._cleared(start, was_drawn, random_state), random_state)
 
     def _check_above_table(self, values: Mapping[str, np.ndarray]) -> None:
         offset = values.get('gripper_offset')
@@ -189,9 +192,37 @@ class EpisodeStarts:
             if obstacle is None:
                 return dataclasses.replace(start, object_position=place)
             if not was_drawn or self._object_sampler is None:
-                break
+                raise ValueError(obstacle)
             place = self._object_sampler(random_state=random_state)
-        raise ValueError(obstacle)
+        raise ValueError(
+            f'No place for objects of this object_size was found in {_MAX_REJECTIONS} draws, '
+            f'wherever gripper_offset starts the gripper: {obstacle}'
+        )
+
+    def _with_props(self, start: Start, random_state) -> Start:
+        """Returns a start with places for the props, clear of all else that stands on the table."""
+        places: list[np.ndarray] = []
+        if not self._scene.drawn_props:
+            return start
+        assert start.goal is not None, 'One is drawn.'
+        occupied = self._clearance.occupied(start.object_position, start.goal, start.variations)
+        for prop in self._scene.drawn_props:
+            places.append(self._place_of(prop, start, occupied, random_state))
+            occupied.append((places[-1], prop.block.solid.reach))
+        return dataclasses.replace(start, prop_position=np.concatenate(places))
+
+    def _place_of(self, prop: Prop, start: Start, occupied, random_state) -> np.ndarray:
+        assert prop.sampler is not None, 'Its place is drawn.'
+        for _ in range(_MAX_REJECTIONS):
+            place = prop.sampler(initial_value=start.object_position, random_state=random_state)
+            checks.finite('The place of a prop', place, (2,))
+            place = np.array(place, dtype=np.float64)
+            if self._clearance.is_clear(prop, place, occupied, start.variations):
+                return place
+        raise ValueError(
+            f'No place for the prop {prop.block.mjcf_model.model!r} that is clear of all else was '
+            f'found in {_MAX_REJECTIONS} draws; widen the range of its sampler.'
+        )
 
     def compile(self, physics: mjcf.Physics, addresses: Addresses) -> None:
         """Finds the state that episodes have in common.
@@ -224,7 +255,16 @@ class EpisodeStarts:
                 qpos[where][:2] = place
                 qpos[where][2] += height
             state = dataclasses.replace(state, qpos=qpos)
+        if start.prop_position.size:
+            state = dataclasses.replace(state, qpos=self._place_props(state.qpos.copy(), start))
         return state
+
+    def _place_props(self, qpos: np.ndarray, start: Start) -> np.ndarray:
+        """Puts the props whose places are drawn in place; returns `qpos`."""
+        places = start.prop_position.reshape(-1, 2)
+        for where, place in zip(self._addresses.prop_qpos, places, strict=True):
+            qpos[where][:2] = place
+        return qpos
 
     def _state_at_rest(self, gripper_offset: npt.ArrayLike = (0.0, 0.0, 0.0)) -> StartState:
         """Returns the state at rest with the gripper link at a place, pointing down."""
@@ -237,9 +277,9 @@ class EpisodeStarts:
         ):
             qpos[where][2] = height
             qpos[where][3:] = each.quaternion
-        for prop, joint, position in scene.props:
-            address = model.jnt_qposadr[self._physics.bind(joint).element_id]
-            qpos[address : address + 7] = (*position, *prop.quaternion)
+        for prop in scene.props:
+            address = model.jnt_qposadr[self._physics.bind(prop.joint).element_id]
+            qpos[address : address + 7] = (*prop.position, *prop.block.quaternion)
         return StartState(
             qpos=qpos,
             qvel=np.zeros(model.nv),
@@ -247,9 +287,9 @@ class EpisodeStarts:
             mocap_quaternion=np.array(conventions.POINTING_DOWN),
         )
 
-    def usual_qpos(self) -> np.ndarray:
-        """Returns (nq,) positions that episodes have in common; a copy."""
-        return self._common_state.qpos.copy()
+    def usual_qpos(self, start: Start) -> np.ndarray:
+        """Returns (nq,) positions that episodes have in common, with the props of one in place."""
+        return self._place_props(self._common_state.qpos.copy(), start)
 
     def _solve(self, gripper_position: np.ndarray) -> np.ndarray:
         """Returns (7,) arm joints in rad."""
