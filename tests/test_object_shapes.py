@@ -357,7 +357,7 @@ def test_objects_keep_clear_of_one_another_whatever_their_size(mesh):
 
 
 def test_an_object_too_large_to_start_anywhere_is_refused():
-    env = fetch_composer.load('push', seed=0, object_shape='box', object_size=0.09)
+    env = fetch_composer.load('push', seed=0, object_shape='capsule', object_size=0.09)
     with pytest.raises(ValueError, match='No place for objects of this object_size'):
         env.reset()
 

@@ -157,14 +157,14 @@ def test_a_state_goes_to_a_batch_and_back_and_one_without_props_is_refused():
 def test_pictures_of_the_goal_show_the_props_where_they_start():
     options = {
         'observation_mode': 'pixels',
-        'pixels': {'cameras': 'top', 'height': 45, 'width': 60, 'goal': True},
+        'pixels': {'cameras': 'close', 'height': 45, 'width': 60, 'goal': True},
     }
     batch = fetch_composer.BatchEnvironment(_TASK, 2, seed=3, **options)
     pictures = batch.reset().observation
     for i in range(2):
         single = fetch_composer.load(_TASK, seed=3 + i, **options).reset().observation
         plain = fetch_composer.load('push', seed=3 + i, **options).reset().observation
-        for name in ('top_rgb', 'top_goal_rgb'):
+        for name in ('close_rgb', 'close_goal_rgb'):
             np.testing.assert_array_equal(pictures[name][i], single[name])
             change = np.abs(single[name].astype(int) - plain[name]).max(axis=-1)
             assert (change > 30).sum() > 10
