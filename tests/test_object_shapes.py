@@ -188,8 +188,9 @@ def test_a_drawn_size_is_the_object_compiled_that_way(shape, chosen):
 class _AlignedBlock(tasks.GoalTask):
     """Push, of a block whose frame starts upright."""
 
-    def __init__(self, **options):
-        super().__init__(tasks.TaskOptions(**options), tabletop.WORKSPACE, (entities.Block(),))
+    def __init__(self, block=None, **options):
+        block = block or entities.Block()
+        super().__init__(tasks.TaskOptions(**options), tabletop.WORKSPACE, (block,))
 
     def _build_samplers(self):
         return (
@@ -214,6 +215,20 @@ def test_an_object_aligned_with_its_body_takes_any_shape_too(shape, mesh):
             time_step = env.step(np.zeros(4, np.float32))
         after.append(time_step.observation['observation'])
     np.testing.assert_allclose(*after, atol=1e-6)
+
+
+def test_a_mesh_of_a_task_of_ones_own_is_drawn_from_the_file_that_is_chosen(mesh, tmp_path):
+    own = _write_obj(tmp_path / 'own.obj', _VERTICES * (1, 2, 3))
+    plain = Environment(_AlignedBlock(entities.Block(mesh=own, size=(0.03,))), random_state=0)
+    half_height = plain.reset().observation['achieved_goal'][2] - _TABLE_TOP
+    assert half_height == pytest.approx(0.03 * 6 / 8)
+    for other in (mesh, own):
+        task = _AlignedBlock(
+            entities.Block(mesh=own), object_mesh=other, variations={'object_shape': 'mesh'}
+        )
+        drawn = Environment(task, random_state=0).reset().observation['achieved_goal']
+        usual = entities.Block(mesh=other).half_height
+        assert drawn[2] - _TABLE_TOP == pytest.approx(usual)
 
 
 def test_a_seed_fixes_the_shapes_and_every_one_is_drawn(mesh):

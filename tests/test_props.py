@@ -171,9 +171,28 @@ def test_pictures_of_the_goal_show_the_props_where_they_start():
 
 
 class _PushWithProp(Push):
-    def __init__(self, sampler):
+    def __init__(self, sampler, **looks):
         super().__init__(TaskOptions())
-        self.scene.add_prop(entities.Block(name='post'), sampler)
+        self.scene.add_prop(entities.Block(name='post', **looks), sampler)
+
+
+def test_a_slippery_prop_slides_no_further_on_a_rough_table():
+    """A contact has the larger friction of its two geoms, as the page says."""
+    ways = []
+    for friction in (0.2, 1.0, 2.0):
+        place = deterministic.Constant((1.15, 0.5))
+        task = _PushWithProp(
+            place, geom_type='cylinder', size=(0.04, 0.01), friction=(friction, 0.005, 0.0001)
+        )
+        env = Environment(task, random_state=0)
+        env.reset()
+        joint = env.physics.bind(task.scene.props[0].joint)
+        joint.qvel[1] = 1.0  # m/s
+        for _ in range(10):
+            env.step(np.zeros(4, np.float32))
+        ways.append(float(joint.qpos[1]) - 0.5)
+    slippery, like_the_table, rough = ways
+    assert slippery == like_the_table > rough + 0.005
 
 
 @pytest.mark.parametrize(

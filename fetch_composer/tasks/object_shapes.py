@@ -25,7 +25,10 @@ def reshape(objects: Sequence[entities.Block], options: TaskOptions) -> list[flo
     if options.object_mesh is not None:
         mesh = shapes.mesh(options.object_mesh, size if shape == shapes.MESH else None)
         for each in objects:
-            each.know_mesh(mesh)
+            if each.solid.shape == shapes.MESH:  # Of a file of its own, which this replaces.
+                each.take_shape(mesh)
+            else:
+                each.know_mesh(mesh)
     if shape is not None:
         solid = mesh if shape == shapes.MESH else shapes.make(shape, size)
         for each in objects:
