@@ -64,7 +64,7 @@ def test_actions_outside_the_range_are_clipped(env):
         ({'convention': [1]}, 'valid are documented, gymnasium_robotics'),
         ({'terminate_on_success': 10**5000}, 'must be True or False; got a int'),
         ({'variations': 1.0}, 'variations must be a mapping'),
-        ({'variations': {5: 1}}, 'Unknown variation 5; valid are object_size'),
+        ({'variations': {5: 1}}, 'Unknown variation 5; valid are object_shape'),
     ],
 )
 def test_options_that_make_no_sense_are_refused(task_name, options, message):

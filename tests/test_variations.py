@@ -148,7 +148,7 @@ def test_looks_vary_in_pictures_and_not_in_physics():
 @pytest.mark.parametrize(
     ('variations', 'message'),
     [
-        ({'gravity': 1}, 'valid are object_size, object_mass'),
+        ({'gravity': 1}, 'valid are object_shape, object_size'),
         ({'object_mass': -1.0}, 'must be positive'),
         ({'object_mass': (1, 2)}, "the object's mass in kg"),
         ({'friction': np.nan}, 'sliding coefficient'),

@@ -20,7 +20,9 @@ def compiled(task: GoalTask) -> Environment:
             'only what a GoalTask does; use single environments.'
         )
     task.scene.remove_looks(cameras=not task.variations.vary_looks)  # They take time.
-    has_pairs = contact_pairs.name(task.root_entity.mjcf_model)
+    # Pairs have the order of the types that geoms are compiled with.
+    may_have_pairs = not task.variations.vary_shape
+    has_pairs = may_have_pairs and contact_pairs.name(task.root_entity.mjcf_model)
     environment = Environment(task, random_state=0)
     if has_pairs:
         contact_pairs.stop_search(environment.physics.model.ptr)

@@ -30,11 +30,14 @@ class BatchEpisodes:
             task: Says where episodes start and end, and is not changed.
         """
         self._limit, self._identity = task.options.max_episode_steps, task.identity
-        self._starts, self._variations = task.starts, task.variations
+        self._starts = task.starts
         self.goals = np.zeros((count, 3 * task.scene.num_goals))
         self.steps_taken = np.zeros(count, dtype=np.int64)
         self.step_type: np.ndarray = np.full(count, dm_env.StepType.LAST)
         self.is_over: np.ndarray = np.ones(count, dtype=bool)
+        # Nothing else that is drawn can be what is refused.
+        self._may_fail = bool(task.variations or task.scene.drawn_props)
+        self._prop_position = [np.zeros(2 * len(task.scene.drawn_props))] * count
         self._drawn: list[Mapping[str, np.ndarray]] = [{}] * count
         # For their next episodes; only a state of a single environment brings any.
         self._given = [starts.Start()] * count
@@ -57,7 +60,7 @@ class BatchEpisodes:
         """
         self.is_over[ids] = True
         given = [self._given[i] for i in ids] if given is None else given
-        generators = [self._random_states[i].get_state() for i in ids] if self._variations else []
+        generators = [self._random_states[i].get_state() for i in ids] if self._may_fail else []
         try:
             drawn = [
                 self._starts.draw(self._random_states[i], each)
@@ -71,6 +74,7 @@ class BatchEpisodes:
         for i, start in zip(ids, drawn, strict=True):
             self.goals[i] = start.goal
             self._drawn[i], self._given[i] = start.variations, starts.Start()
+            self._prop_position[i] = start.prop_position
         self.steps_taken[ids] = 0
         self.step_type[ids] = dm_env.StepType.FIRST
         self.is_over[ids] = False
@@ -109,6 +113,7 @@ class BatchEpisodes:
             physics=physics,
             gripper_pose=gripper_pose,
             goal=self.goals[i].copy(),
+            prop_position=self._prop_position[i].copy(),
             steps_taken=int(self.steps_taken[i]),
             is_over=bool(self.is_over[i]),
             variations=self._drawn[i],
@@ -126,6 +131,7 @@ class BatchEpisodes:
         """Restores the state of an environment, all but the physics."""
         self.goals[i] = state.goal
         self._drawn[i], self._given[i] = state.variations, starts.Start.of(state.given)
+        self._prop_position[i] = state.prop_position.copy()
         self.steps_taken[i] = state.steps_taken
         self.is_over[i] = state.is_over
         running = dm_env.StepType.MID if state.steps_taken else dm_env.StepType.FIRST

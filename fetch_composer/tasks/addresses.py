@@ -29,6 +29,7 @@ class Addresses:
             without end.
         object_qpos: Each object's pose in qpos.
         object_qvel: Each object's velocity in qvel.
+        prop_qpos: The pose of each prop whose place is drawn in qpos.
     """
 
     gripper_link: int
@@ -45,6 +46,7 @@ class Addresses:
     arm_control_range: np.ndarray
     object_qpos: tuple[slice, ...]
     object_qvel: tuple[slice, ...]
+    prop_qpos: tuple[slice, ...]
 
     @classmethod
     def of(cls, scene: Scene, physics: mjcf.Physics) -> 'Addresses':
@@ -57,6 +59,7 @@ class Addresses:
             finger_qpos = _slice(model.jnt_qposadr[right], 2)
             finger_qvel = _slice(model.jnt_dofadr[right], 2)
         joints = [physics.bind(joint).element_id for joint in scene.object_joints]
+        props = [physics.bind(each.joint).element_id for each in scene.drawn_props]
         arm_control, endless = _controls(scene.arm, physics), (-np.inf, np.inf)
         is_limited = model.actuator_ctrllimited[arm_control, np.newaxis]
         return cls(
@@ -76,6 +79,7 @@ class Addresses:
             arm_control_range=np.where(is_limited, model.actuator_ctrlrange[arm_control], endless),
             object_qpos=tuple(_slice(model.jnt_qposadr[joint], 7) for joint in joints),
             object_qvel=tuple(_slice(model.jnt_dofadr[joint], 6) for joint in joints),
+            prop_qpos=tuple(_slice(model.jnt_qposadr[joint], 7) for joint in props),
         )
 
 

@@ -148,6 +148,25 @@ def place(name: str, value: Any, lower: np.ndarray, upper: np.ndarray) -> np.nda
     return found
 
 
+def sizes(name: str, value: Any, count: int, smallest: float, largest: float) -> tuple[float, ...]:
+    """Returns `count` sizes, or one for all, in m.
+
+    Raises:
+        ValueError: if they are something else, or not between the smallest and the largest.
+    """
+    found = _numbers(name, value)
+    with np.errstate(invalid='ignore'):
+        is_valid = found.shape in ((), (1,), (count,)) and bool(
+            ((found >= smallest) & (found <= largest)).all()
+        )
+    if not is_valid:
+        raise ValueError(
+            f'{name} must be {count} numbers, or one for all, from {smallest} to {largest} m; got '
+            f'{shown(value)}.'
+        )
+    return tuple(found.reshape(-1).tolist())
+
+
 def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | None]:
     """Returns one place, or None, for each of `count` environments.
 

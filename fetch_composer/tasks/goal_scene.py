@@ -10,8 +10,9 @@ from dm_control.utils import inverse_kinematics
 
 from fetch_composer.tasks import conventions
 from fetch_composer.tasks.addresses import Addresses
+from fetch_composer.tasks.clearance import FINGERTIP_DEPTH
 from fetch_composer.tasks.scene import Scene
-from fetch_composer.tasks.starts import FINGERTIP_DEPTH, EpisodeStarts, Start
+from fetch_composer.tasks.starts import EpisodeStarts, Start
 from fetch_composer.tasks.variations import Variations
 
 _REACH = 0.95  # m along the floor, from the shoulder's axis to a gripper at any height.
@@ -55,13 +56,14 @@ class GoalScene:
         """Places objects and gripper at the goal of an episode, if one has started."""
         if start.goal is None:
             return
+        self._usual_qpos = self._starts.usual_qpos(start)
         data, addresses = self.physics.data, self._addresses
         places = start.goal.reshape(-1, 3)
         grip_position = places[-1]
         if not self._scene.objects:
             self._reach(grip_position)
         else:
-            _, half_width, half_height = self._variations.half_extents(start.variations)[-1]
+            _, half_width, half_height = self._variations.solids(start.variations)[-1].half_extents
             if self._locked_gripper:
                 grip_position = grip_position + (0.0, 0.0, half_height + FINGERTIP_DEPTH)
             if self._reach(grip_position) and not self._locked_gripper:
@@ -88,7 +90,7 @@ class GoalScene:
         return False
 
     def _place_as_usual(self) -> None:
-        self.physics.data.qpos[:] = self._starts.usual_qpos()
+        self.physics.data.qpos[:] = self._usual_qpos
         self._update()
 
     def _solve(self, position: np.ndarray, quaternion: Sequence[float] | None) -> float:

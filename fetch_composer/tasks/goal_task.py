@@ -13,6 +13,7 @@ from fetch_composer import entities
 from fetch_composer.tasks import (
     conventions,
     drive,
+    object_shapes,
     observation,
     pixels,
     scene,
@@ -90,6 +91,7 @@ class GoalTask(GoalConditionedTask):
         self.workspace = workspace
         self.locked_gripper = locked_gripper
         self._settled = settled
+        self._raised = object_shapes.reshape(objects, options)
         self.scene = scene.Scene(
             workspace, self.convention, objects, obstacles, locked_gripper, options.mode
         )
@@ -105,6 +107,7 @@ class GoalTask(GoalConditionedTask):
             self.object_heights,
             *self._build_samplers(),
             self.variations,
+            self._raised_goal,
             settled if self.convention.settled_start else None,
         )
         self.starts.fix(self.starts.check(options.object_position, options.goal))
@@ -116,6 +119,16 @@ class GoalTask(GoalConditionedTask):
         They are drawn in the order of the objects: (2 n,) and (3 n,) numbers in m.
         """
         raise NotImplementedError
+
+    def _raised_goal(self, goal: np.ndarray, raised: np.ndarray) -> np.ndarray:
+        """Returns a drawn goal, (3 n,) in m, for objects of another height.
+
+        Args:
+            goal: (3 n,) for the usual ones.
+            raised: (n,) by how many m the centre of each rests higher than usual.
+        """
+        places = goal.reshape(-1, 3) + raised[:, np.newaxis] * (0.0, 0.0, 1.0)
+        return places.reshape(-1)
 
     def _build_task_observables(self):
         observables = collections.OrderedDict(
@@ -164,7 +177,8 @@ class GoalTask(GoalConditionedTask):
     def object_heights(self) -> tuple[float, ...]:
         """Height in m at which the centre of each object rests on the table."""
         if self._settled is not None and self._settled.object_height is not None:
-            return (self._settled.object_height,)
+            (raised,) = self._raised
+            return (self._settled.object_height + raised,)
         return tuple(self.workspace.table_top + each.half_height for each in self.scene.objects)
 
     @property
@@ -210,7 +224,16 @@ class GoalTask(GoalConditionedTask):
         self.variations.compile(physics)
         self._varied = self.variations.fields(functools.partial(getattr, model))
         self._goal.compile(model, self.addresses, self._observer)
-        self.identity = state_lib.identity(self.name, self.options, model, self.scene.num_goals)
+        meshes = [physics.bind(each.mesh).element_id for each in self.scene.objects if each.mesh]
+        self.identity = state_lib.identity(
+            self.name,
+            self.options,
+            model,
+            self.scene.num_goals,
+            len(self.scene.drawn_props),
+            meshes,
+        )
+        self._start = starts.Start(prop_position=np.zeros(2 * len(self.scene.drawn_props)))
         self.starts.compile(physics, self.addresses)
         self.close()
         if any(
@@ -255,6 +278,7 @@ class GoalTask(GoalConditionedTask):
             physics=state_lib.get_physics(self._model, self._data),
             gripper_pose=self._drive.gripper_pose(),
             goal=self._goal.position,
+            prop_position=self._start.prop_position.copy(),
             steps_taken=self._steps_taken,
             is_over=is_over,
             variations=self._start.variations,
@@ -285,7 +309,11 @@ class GoalTask(GoalConditionedTask):
             # Positions were those of one substep earlier, and pictures show them.
             drive.fall_behind(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-        self._start = starts.Start(goal=self._goal.position, variations=state.variations)
+        self._start = starts.Start(
+            goal=self._goal.position,
+            variations=state.variations,
+            prop_position=state.prop_position.copy(),
+        )
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
 

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+from fetch_composer.entities import shapes
 from fetch_composer.tasks import action_modes, checks, conventions, rewards
 from fetch_composer.tasks import pixels as pixels_lib
 
@@ -23,6 +24,11 @@ class TaskOptions:
         action_mode: What an action moves: 'displacement' of the gripper, 'displacement+yaw',
             'displacement+rotation', or the 'joints' of the arm. The convention
             'gymnasium_robotics' has the first alone.
+        object_shape: What each object is: 'box', 'cylinder', 'capsule', 'ellipsoid', or 'mesh' of
+            a file; None for the task's own. For the convention 'documented' alone.
+        object_size: Half sizes of that in m, as MuJoCo has them, or one number for all; of a mesh,
+            those of its bounding box, or the largest; None for those of about a block.
+        object_mesh: Path of the .obj or .stl file of a mesh.
         object_position: (2,) x and y in m at which the object starts in every episode; with several
             objects, two numbers for each.
         goal: (3,) desired goal in m of every episode; with several objects, three for each.
@@ -42,6 +48,9 @@ class TaskOptions:
     terminate_on_success: bool = False
     convention: str = 'documented'
     action_mode: str = action_modes.DISPLACEMENT.name
+    object_shape: str | None = None
+    object_size: Sequence[float] | None = None
+    object_mesh: str | None = None
     object_position: Sequence[float] | None = None
     goal: Sequence[float] | None = None
     observation_mode: str = 'features'
@@ -59,6 +68,7 @@ class TaskOptions:
                 f'The convention {self.convention!r} has no action_mode {self.action_mode!r}; '
                 f'valid are {", ".join(modes)}.'
             )
+        self._check_object()
         if self.max_episode_steps is not None:
             steps = checks.integer(
                 'max_episode_steps', self.max_episode_steps, 1, 'None for episodes that never end'
@@ -67,6 +77,44 @@ class TaskOptions:
         terminates = checks.boolean('terminate_on_success', self.terminate_on_success)
         object.__setattr__(self, 'terminate_on_success', terminates)
         object.__setattr__(self, 'pixels', pixels_lib.options(self.pixels))
+
+    def _check_object(self) -> None:
+        if self.object_shape is not None:
+            checks.one_of('object_shape', self.object_shape, shapes.NAMES)
+            if conventions.CONVENTIONS[self.convention].settled_start:
+                raise ValueError(
+                    f'The convention {self.convention!r} has no object_shape but that of the '
+                    "task's own object, with which its start has settled; use the documented one."
+                )
+        object.__setattr__(self, 'object_size', self._checked_size())
+        needs_mesh = self.object_shape == shapes.MESH
+        if needs_mesh and self.object_mesh is None:
+            raise ValueError("The object_shape 'mesh' needs an object_mesh: an .obj or .stl file.")
+        if self.object_mesh is not None and not (needs_mesh or self.varies_shape):
+            raise ValueError(
+                "object_mesh is of the object_shape 'mesh', or of the variation 'object_shape'; "
+                'give one of them too.'
+            )
+
+    def _checked_size(self) -> tuple[float, ...] | None:
+        if self.object_size is None:
+            return None
+        if self.object_shape is None:
+            raise ValueError(
+                f'object_size is of an object_shape; give one of {", ".join(shapes.NAMES)} too.'
+            )
+        return checks.sizes(
+            f'object_size of a {self.object_shape}',
+            self.object_size,
+            shapes.num_sizes(self.object_shape),
+            shapes.SMALLEST,
+            shapes.LARGEST,
+        )
+
+    @property
+    def varies_shape(self) -> bool:
+        """Whether the objects' shape is drawn for each episode."""
+        return isinstance(self.variations, Mapping) and 'object_shape' in self.variations
 
     @property
     def object_quaternion(self) -> tuple[float, float, float, float]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from dm_control import mjcf
+from dm_control.composer import variation
 
 from fetch_composer import entities
 from fetch_composer.tasks import action_modes, checks, conventions
@@ -64,6 +65,23 @@ class Workspace:
         return checks.place('goal', goal, np.tile(lower, count), np.tile(upper, count))
 
 
+@dataclasses.dataclass(frozen=True)
+class Prop:
+    """A free body that has no goal.
+
+    Attributes:
+        block: The body.
+        joint: Its joint.
+        position: (3,) where its centre starts in m; of x and y, nothing if they are drawn.
+        sampler: Draws x and y in m for each episode; None if they are the same in all.
+    """
+
+    block: entities.Block
+    joint: mjcf.Element
+    position: np.ndarray
+    sampler: variation.Variation | None
+
+
 class Scene:
     """The entities of a goal task, attached to one another as a convention asks.
 
@@ -75,7 +93,7 @@ class Scene:
         table: The table.
         targets: A mark for each goal: that of each object or, without any, of the gripper.
         objects: What is moved to the goals.
-        props: Further free bodies, with their joints and places.
+        props: Further free bodies.
         obstacles: What stands fixed.
     """
 
@@ -137,7 +155,7 @@ class Scene:
 
         self.object_joints = [each.attach_to(self.arena) for each in self.objects]
 
-        self.props: list[tuple[entities.Block, mjcf.Element, Sequence[float]]] = []
+        self.props: list[Prop] = []
         self.obstacles = tuple(obstacles)
         for obstacle in self.obstacles:
             self.arena.attach(obstacle).pos = obstacle.position
@@ -174,11 +192,24 @@ class Scene:
             for each in (*model.find_all('camera'), *model.find_all('light')):
                 each.remove()
 
-    def add_prop(self, prop: entities.Block, position: Sequence[float]) -> None:
-        """Adds a further free body, which every episode starts at a position.
+    def add_prop(
+        self, prop: entities.Block, position: Sequence[float] | variation.Variation
+    ) -> None:
+        """Adds a further free body, which has no goal and which no policy observes.
 
         Args:
             prop: The body.
-            position: (3,) position of its centre in m.
+            position: (3,) position of its centre in m, at which every episode starts it; or what
+                draws x and y in m, (2,), for each, and is given those of the objects as
+                `initial_value`. Then it rests on the table, clear of all else.
         """
-        self.props.append((prop, prop.attach_to(self.arena), position))
+        sampler = position if isinstance(position, variation.Variation) else None
+        centre = np.zeros(3) if sampler else np.array(position, dtype=np.float64)
+        if sampler:
+            centre[2] = self.workspace.table_top + prop.half_height
+        self.props.append(Prop(prop, prop.attach_to(self.arena), centre, sampler))
+
+    @property
+    def drawn_props(self) -> list['Prop']:
+        """The props whose places are drawn."""
+        return [each for each in self.props if each.sampler is not None]

@@ -1,8 +1,11 @@
 """Stack: put one block at a place on the table, and another one on top of it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from dm_control.composer import variation
 
+from fetch_composer import entities
 from fetch_composer.tasks import goal_task, registry, samplers, tabletop
 from fetch_composer.tasks.options import TaskOptions
 
@@ -31,18 +34,24 @@ class Stack(goal_task.GoalTask):
         goal = samplers.GoalAround(self.grip_start, _RANGE, self.object_height)
         return (
             samplers.Apart(place, len(self.scene.objects), _APART),
-            _OneOnTheOther(samplers.Apart(goal, 1, _APART)),
+            _OneOnTheOther(samplers.Apart(goal, 1, _APART), self.scene.objects),
         )
+
+    def _raised_goal(self, goal, raised):
+        lower, upper = raised
+        return super()._raised_goal(goal, np.array((lower, 2 * lower + upper)))
 
 
 class _OneOnTheOther(variation.Variation):
     """The goals of two blocks: a place on the table, and the one on top of it."""
 
-    def __init__(self, sampler: variation.Variation) -> None:
+    def __init__(self, sampler: variation.Variation, blocks: Sequence[entities.Block]) -> None:
         self._sampler = sampler
+        self._blocks = blocks
 
     def __call__(self, initial_value=None, current_value=None, random_state=None) -> np.ndarray:
         """Returns (6,) in m."""
         del current_value  # Unused.
         lower = self._sampler(initial_value=initial_value, random_state=random_state)
-        return np.concatenate((lower, lower + (0.0, 0.0, 2 * tabletop.BLOCK_HALF_SIZE[2])))
+        raised = sum(each.half_height for each in self._blocks)
+        return np.concatenate((lower, lower + (0.0, 0.0, raised)))

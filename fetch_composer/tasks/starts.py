@@ -1,7 +1,7 @@
 """Where episodes start: what is given, what is drawn, and the state that follows."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,8 @@ from dm_control.utils import inverse_kinematics
 
 from fetch_composer.tasks import checks, conventions
 from fetch_composer.tasks.addresses import Addresses
-from fetch_composer.tasks.scene import Scene
+from fetch_composer.tasks.clearance import FINGERTIP_DEPTH, Clearance
+from fetch_composer.tasks.scene import Prop, Scene
 from fetch_composer.tasks.settled import SettledState
 from fetch_composer.tasks.variations import Variations
 
@@ -21,12 +22,7 @@ _ELBOW_UP = (0.01, -0.83, 0.0, 1.44, 0.0, 0.95, 0.0)
 _TOLERANCE = 1e-12  # Of the inverse kinematics, in m and rad.
 _MAX_ERROR = 1e-5  # m
 
-FINGERTIP_DEPTH = 0.0185  # m, of the fingertips below the observed site.
-# An object's rim is at least so far, in m, from the axis of a gripper that is as low as it is.
-_GRIPPER_REACH = 0.0646
 _MAX_REJECTIONS = 1000
-
-_NOTHING: Mapping[str, np.ndarray] = {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,11 +33,13 @@ class Start:
         object_position: (2 n,) x and y in m at which each of n objects starts; None without one.
         goal: (3 n,) desired goal in m.
         variations: What was drawn for this episode, by name of the variation.
+        prop_position: (2 k,) x and y in m at which each of k props starts whose places are drawn.
     """
 
     object_position: np.ndarray | None = None
     goal: np.ndarray | None = None
     variations: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    prop_position: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, given: Mapping[str, np.ndarray]) -> 'Start':
@@ -76,6 +74,7 @@ class EpisodeStarts:
         object_sampler: variation.Variation | None,
         goal_sampler: variation.Variation,
         variations: Variations,
+        raised_goal: Callable[[np.ndarray, np.ndarray], np.ndarray],
         settled: SettledState | None,
     ) -> None:
         """Initializes the starts.
@@ -88,6 +87,8 @@ class EpisodeStarts:
             goal_sampler: Draws the desired goal; as `initial_value` it is given what the
                 other has drawn.
             variations: What else differs between episodes.
+            raised_goal: Returns a drawn goal for objects of another shape, given by how many m each
+                of them rests higher.
             settled: The state to start from; None to start at rest at the documented pose.
         """
         self._scene = scene
@@ -97,7 +98,9 @@ class EpisodeStarts:
         self._object_sampler = object_sampler
         self._goal_sampler = goal_sampler
         self._variations = variations
+        self._raised_goal = raised_goal
         self._settled = settled
+        self._clearance = Clearance(scene, grip_start, variations)
         self._every_episode = Start()
 
     def fix(self, start: Start) -> None:
@@ -115,7 +118,7 @@ class EpisodeStarts:
             if not count:
                 raise ValueError('object_position was given, but this task has no object.')
             object_position = self._workspace.check_object_position(object_position, count)
-            obstacle = self._in_the_way(object_position)
+            obstacle = self._clearance.in_the_way(object_position)
             if obstacle is not None:
                 raise ValueError(obstacle)
         if goal is not None:
@@ -134,43 +137,6 @@ class EpisodeStarts:
                 f'object_position, goal.'
             )
         self.check(**given)
-
-    def _in_the_way(
-        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
-    ) -> str | None:
-        """Returns what keeps objects from starting there, as a message; None if nothing does.
-
-        Args:
-            object_position: (2 n,) x and y in m of each object.
-            values: What was drawn for the episode; nothing for the usual objects and start.
-        """
-        sizes = self._variations.radius_and_height(values)
-        places = object_position.reshape(-1, 2)
-        at = f'object_position {object_position.tolist()} is where'
-        grip = self._grip_start + values.get('gripper_offset', 0.0)
-        for i, (place, (radius, height)) in enumerate(zip(places, sizes, strict=True)):
-            needed = radius + _GRIPPER_REACH
-            is_low = grip[2] - FINGERTIP_DEPTH < self._workspace.table_top + height
-            if is_low and np.linalg.norm(place - grip[:2]) < needed:
-                return (
-                    f'{at} the gripper starts: it must be at least {needed:.3f} m from '
-                    f'{grip[:2].round(4).tolist()}.'
-                )
-            for each in self._scene.obstacles:
-                beyond = np.abs(place - each.position[:2]) - each.half_size[:2]
-                if np.linalg.norm(np.maximum(beyond, 0.0)) < radius:
-                    return (
-                        f'{at} an obstacle stands: it must be at least {radius:.3f} m from the '
-                        f'{(2 * each.half_size[:2]).round(4).tolist()} m around '
-                        f'{each.position[:2].round(4).tolist()}.'
-                    )
-            for other, (other_radius, _) in zip(places[:i], sizes, strict=False):
-                if np.linalg.norm(place - other) < radius + other_radius:
-                    return (
-                        f'{at} two objects meet: they must be at least '
-                        f'{radius + other_radius:.3f} m apart.'
-                    )
-        return None
 
     def draw(
         self,
@@ -197,10 +163,12 @@ class EpisodeStarts:
             next(s.goal for s in sources if s.goal is not None),
             self._variations.draw(random_state),
         )
-        if not start.variations:
-            return start
+        if 'object_shape' in start.variations and start.goal is drawn.goal is not None:
+            raised = np.array(self._variations.raised_by_shape(start.variations))
+            start = dataclasses.replace(start, goal=self._raised_goal(drawn.goal, raised))
         self._check_above_table(start.variations)
-        return self._cleared(start, start.object_position is drawn.object_position, random_state)
+        was_drawn = start.object_position is drawn.object_position
+        return self._with_props(self._cleared(start, was_drawn, random_state), random_state)
 
     def _check_above_table(self, values: Mapping[str, np.ndarray]) -> None:
         offset = values.get('gripper_offset')
@@ -220,13 +188,41 @@ class EpisodeStarts:
         if place is None:
             return start
         for _ in range(_MAX_REJECTIONS):
-            obstacle = self._in_the_way(place, start.variations)
+            obstacle = self._clearance.in_the_way(place, start.variations)
             if obstacle is None:
                 return dataclasses.replace(start, object_position=place)
             if not was_drawn or self._object_sampler is None:
-                break
+                raise ValueError(obstacle)
             place = self._object_sampler(random_state=random_state)
-        raise ValueError(obstacle)
+        raise ValueError(
+            f'No place for objects of this object_size was found in {_MAX_REJECTIONS} draws, '
+            f'wherever gripper_offset starts the gripper: {obstacle}'
+        )
+
+    def _with_props(self, start: Start, random_state) -> Start:
+        """Returns a start with places for the props, clear of all else that stands on the table."""
+        places: list[np.ndarray] = []
+        if not self._scene.drawn_props:
+            return start
+        assert start.goal is not None, 'One is drawn.'
+        occupied = self._clearance.occupied(start.object_position, start.goal, start.variations)
+        for prop in self._scene.drawn_props:
+            places.append(self._place_of(prop, start, occupied, random_state))
+            occupied.append((places[-1], prop.block.solid.reach))
+        return dataclasses.replace(start, prop_position=np.concatenate(places))
+
+    def _place_of(self, prop: Prop, start: Start, occupied, random_state) -> np.ndarray:
+        assert prop.sampler is not None, 'Its place is drawn.'
+        for _ in range(_MAX_REJECTIONS):
+            place = prop.sampler(initial_value=start.object_position, random_state=random_state)
+            checks.finite('The place of a prop', place, (2,))
+            place = np.array(place, dtype=np.float64)
+            if self._clearance.is_clear(prop, place, occupied, start.variations):
+                return place
+        raise ValueError(
+            f'No place for the prop {prop.block.mjcf_model.model!r} that is clear of all else was '
+            f'found in {_MAX_REJECTIONS} draws; widen the range of its sampler.'
+        )
 
     def compile(self, physics: mjcf.Physics, addresses: Addresses) -> None:
         """Finds the state that episodes have in common.
@@ -259,7 +255,16 @@ class EpisodeStarts:
                 qpos[where][:2] = place
                 qpos[where][2] += height
             state = dataclasses.replace(state, qpos=qpos)
+        if start.prop_position.size:
+            state = dataclasses.replace(state, qpos=self._place_props(state.qpos.copy(), start))
         return state
+
+    def _place_props(self, qpos: np.ndarray, start: Start) -> np.ndarray:
+        """Puts the props whose places are drawn in place; returns `qpos`."""
+        places = start.prop_position.reshape(-1, 2)
+        for where, place in zip(self._addresses.prop_qpos, places, strict=True):
+            qpos[where][:2] = place
+        return qpos
 
     def _state_at_rest(self, gripper_offset: npt.ArrayLike = (0.0, 0.0, 0.0)) -> StartState:
         """Returns the state at rest with the gripper link at a place, pointing down."""
@@ -272,9 +277,9 @@ class EpisodeStarts:
         ):
             qpos[where][2] = height
             qpos[where][3:] = each.quaternion
-        for prop, joint, position in scene.props:
-            address = model.jnt_qposadr[self._physics.bind(joint).element_id]
-            qpos[address : address + 7] = (*position, *prop.quaternion)
+        for prop in scene.props:
+            address = model.jnt_qposadr[self._physics.bind(prop.joint).element_id]
+            qpos[address : address + 7] = (*prop.position, *prop.block.quaternion)
         return StartState(
             qpos=qpos,
             qvel=np.zeros(model.nv),
@@ -282,9 +287,9 @@ class EpisodeStarts:
             mocap_quaternion=np.array(conventions.POINTING_DOWN),
         )
 
-    def usual_qpos(self) -> np.ndarray:
-        """Returns (nq,) positions that episodes have in common; a copy."""
-        return self._common_state.qpos.copy()
+    def usual_qpos(self, start: Start) -> np.ndarray:
+        """Returns (nq,) positions that episodes have in common, with the props of one in place."""
+        return self._place_props(self._common_state.qpos.copy(), start)
 
     def _solve(self, gripper_position: np.ndarray) -> np.ndarray:
         """Returns (7,) arm joints in rad."""

@@ -6,7 +6,7 @@ import hashlib
 import json
 import pathlib
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -44,6 +44,7 @@ class State:
         gripper_pose: (7,) position in m and quaternion from which the next action moves the
             gripper; with a free gripper Gymnasium-Robotics reads it one substep late.
         goal: (3,) desired goal in m, or (3 n,) for n objects.
+        prop_position: (2 k,) x and y in m at which each of k props started whose places are drawn.
         steps_taken: Control steps since the episode started.
         is_over: Whether the next step starts another episode.
         variations: What was drawn for this episode, by name.
@@ -59,6 +60,7 @@ class State:
     physics: np.ndarray
     gripper_pose: np.ndarray
     goal: np.ndarray
+    prop_position: np.ndarray
     steps_taken: int
     is_over: bool
     variations: Mapping[str, np.ndarray]
@@ -143,15 +145,32 @@ class Identity:
 
 
 def identity(
-    task_name: str, options: TaskOptions, model: mujoco.MjModel, num_goals: int
+    task_name: str,
+    options: TaskOptions,
+    model: mujoco.MjModel,
+    num_goals: int,
+    num_props: int,
+    meshes: Sequence[int],
 ) -> Identity:
-    """Returns the identity of an environment whose model has just been compiled."""
+    """Returns the identity of an environment.
+
+    Args:
+        task_name: Name of its task.
+        options: What was chosen.
+        model: Its model, just compiled.
+        num_goals: How many places a goal has.
+        num_props: How many props there are whose places are drawn.
+        meshes: Ids of the meshes that its objects are, or may become.
+    """
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     digest = hashlib.sha256(np.float64(model.opt.timestep).tobytes())
     for name in _BODY_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)).tobytes())
     for name in _GEOM_FIELDS:
         digest.update(np.ascontiguousarray(getattr(model, name)[touching]).tobytes())
+    for mesh in meshes:
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        digest.update(model.mesh_vert[first : first + count].tobytes())
     return Identity(
         task_name,
         options.convention,
@@ -162,6 +181,7 @@ def identity(
             'physics': (mujoco.mj_stateSize(model, _PHYSICS),),
             'gripper_pose': (7,),
             'goal': (3 * num_goals,),
+            'prop_position': (2 * num_props,),
         },
     )
 

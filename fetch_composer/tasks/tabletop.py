@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from fetch_composer import entities
+from fetch_composer.entities import shapes
 from fetch_composer.tasks import scene
 from fetch_composer.tasks.options import TaskOptions
 
@@ -13,7 +14,7 @@ WORKSPACE = scene.Workspace(
     table_half_size=(0.25, 0.35, 0.2),
 )
 
-BLOCK_HALF_SIZE = (0.025, 0.025, 0.025)  # m
+BLOCK_HALF_SIZE = shapes.DEFAULT_SIZES['box']  # m
 _BLOCK_MASS = 2.0  # kg
 _COLORS = ((0.1, 0.5, 0.32, 1.0), (0.85, 0.55, 0.1, 1.0))
 

@@ -12,13 +12,14 @@ import numpy as np
 from dm_control import mjcf
 from dm_control.composer import variation
 
-from fetch_composer.entities import arena, contact_pairs
+from fetch_composer.entities import arena, contact_pairs, shapes, solids
 from fetch_composer.tasks import checks
 from fetch_composer.tasks.scene import Scene
-from fetch_composer.tasks.varied_object import VariedObject, inertia
+from fetch_composer.tasks.varied_object import VariedObject
 
 # Name: (sizes of a drawn value, what it is).
 DESCRIPTIONS = {
+    'object_shape': ((1,), f"the object's shape: {', '.join(shapes.NAMES)}"),
     'object_size': ((1, 2, 3), "the object's size in m, as MuJoCo has it, or one number for all"),
     'object_mass': ((1,), "the object's mass in kg"),
     'friction': ((1,), 'sliding coefficient between the object and the table'),
@@ -29,16 +30,20 @@ DESCRIPTIONS = {
 }
 NAMES = tuple(DESCRIPTIONS)
 
-_PHYSICAL = frozenset({'object_size', 'object_mass', 'friction'})
-_POSITIVE = _PHYSICAL
-_NEED_OBJECT = frozenset({'object_size', 'object_mass', 'friction', 'object_color'})
+_POSITIVE = frozenset({'object_size', 'object_mass', 'friction'})
+_PHYSICAL = _POSITIVE | {'object_shape'}
+_NEED_OBJECT = _PHYSICAL | {'object_color'}
+_NEED_DOCUMENTED = ('object_shape', 'gripper_offset')
 _NEED_LOOKS = frozenset({'light_position', 'camera_offset'})
 
 # Fields of the compiled model that a variation writes.
+_SIZE_FIELDS = (
+    'geom_size', 'geom_rbound', 'geom_aabb', 'bvh_aabb', 'geom_quat', 'body_iquat', 'body_mass',
+    'body_inertia',
+)  # fmt: skip
 _FIELDS = {
-    'object_size': (
-        'geom_size', 'geom_rbound', 'geom_aabb', 'bvh_aabb', 'body_mass', 'body_inertia',
-    ),
+    'object_shape': (*_SIZE_FIELDS, 'geom_type', 'geom_dataid', 'geom_pos', 'body_ipos'),
+    'object_size': _SIZE_FIELDS,
     'object_mass': ('body_mass', 'body_inertia'),
     'friction': ('geom_friction', 'pair_friction'),
     'object_color': ('mat_rgba',),
@@ -46,15 +51,18 @@ _FIELDS = {
     'camera_offset': ('cam_pos',),
     'gripper_offset': (),
 }  # fmt: skip
-_NEED_SET_CONST = frozenset({'object_size', 'object_mass'})
+_NEED_SET_CONST = frozenset({'object_shape', 'object_size', 'object_mass'})
 
 
 def _checked(name: str, value: Any) -> np.ndarray:
-    """Returns what a variation drew, flat, in float64.
+    """Returns what a variation drew, flat, in float64; a shape as the array of its name.
 
     Raises:
-        ValueError: if it has the wrong size, is not finite, or is not positive where it has to be.
+        ValueError: if it has the wrong size, is not finite, is not positive where it has to be, or
+            is no shape.
     """
+    if name == 'object_shape':
+        return _checked_shape(value)
     found = checks.array(repr(name), value)
     sizes, description = DESCRIPTIONS[name]
     fits = checks.is_numeric(found) and found.size in sizes
@@ -66,6 +74,17 @@ def _checked(name: str, value: Any) -> np.ndarray:
     if name == 'object_color' and ((found < 0) | (found > 1)).any():
         raise ValueError(f'{name!r} drew {found.tolist()}, but it is {description}.')
     return found.reshape(-1)
+
+
+def _checked_shape(value: Any) -> np.ndarray:
+    drawn = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+    if isinstance(drawn, (tuple, list)):
+        raise ValueError(
+            f"'object_shape' drew {checks.shown(drawn)}, which are several; to draw one of them, "
+            'give distributions.UniformChoice of dm_control.composer.variation.'
+        )
+    checks.one_of('object_shape', drawn, shapes.NAMES)
+    return np.array([str(drawn)])
 
 
 class Variations:
@@ -89,7 +108,7 @@ class Variations:
             )
         self._given = dict(given or {})
         self._scene = scene
-        self._objects = [VariedObject.of(each.geom) for each in scene.objects]
+        self._objects = [VariedObject(each) for each in scene.objects]
         for name in self._given:
             if name not in DESCRIPTIONS:
                 raise ValueError(
@@ -97,11 +116,15 @@ class Variations:
                 )
             if name in _NEED_OBJECT and not scene.objects:
                 raise ValueError(f'{name!r} cannot vary: this task has no object.')
-        if fixed_start and 'gripper_offset' in self._given:
-            raise ValueError(
-                "'gripper_offset' cannot vary in the gymnasium_robotics convention, whose start is "
-                'settled; use the documented one.'
-            )
+        for name in _NEED_DOCUMENTED:
+            if fixed_start and name in self._given:
+                raise ValueError(
+                    f'{name!r} cannot vary in the gymnasium_robotics convention, whose start is '
+                    'settled; use the documented one.'
+                )
+        for each in scene.objects:
+            if self.vary_shape or ('object_size' in self._given and each.solid.size_turns_it):
+                each.allow_any_shape()
 
     def __bool__(self) -> bool:
         return bool(self._given)
@@ -154,6 +177,11 @@ class Variations:
         """Whether light or cameras vary."""
         return not _NEED_LOOKS.isdisjoint(self._given)
 
+    @property
+    def vary_shape(self) -> bool:
+        """Whether the objects' shape varies."""
+        return 'object_shape' in self._given
+
     def compile(self, physics: mjcf.Physics) -> None:
         """Looks up what the variations write in the compiled model."""
         model = physics.model.ptr
@@ -171,23 +199,21 @@ class Variations:
 
     def raised(self, values: Mapping[str, np.ndarray]) -> list[float]:
         """Returns by how many m each object's centre rests higher than that of the usual one."""
-        if 'object_size' not in values:
+        if values.keys().isdisjoint(('object_shape', 'object_size')):
             return [0.0] * len(self._objects)
         return [
-            float(each.half_extents(values)[2] - each.half_extents({})[2]) for each in self._objects
+            float(each.solid(values).half_extents[2] - each.solid({}).half_extents[2])
+            for each in self._objects
         ]
 
-    def radius_and_height(self, values: Mapping[str, np.ndarray]) -> list[tuple[float, float]]:
-        """Returns, for each object, radius of the smallest upright cylinder, and height, in m."""
-        found = []
-        for each in self._objects:
-            x, y, z = each.half_extents(values).tolist()
-            found.append((float(np.hypot(x, y)) if each.is_box else x, 2 * z))
-        return found
+    def raised_by_shape(self, values: Mapping[str, np.ndarray]) -> list[float]:
+        """Returns by how many m of that it is for their shape, whatever the size that was drawn."""
+        shape = {name: value for name, value in values.items() if name == 'object_shape'}
+        return self.raised(shape)
 
-    def half_extents(self, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-        """Returns (3,) half of length, width and height in m of each upright object."""
-        return [each.half_extents(values) for each in self._objects]
+    def solids(self, values: Mapping[str, np.ndarray]) -> list[solids.Solid]:
+        """Returns shape and size of each object in an episode for which values were drawn."""
+        return [each.solid(values) for each in self._objects]
 
     def write(
         self, values: Mapping[str, np.ndarray], fields: Mapping[str, np.ndarray], row: Any = ...
@@ -207,17 +233,7 @@ class Variations:
             name: value for name, value in values.items() if fields.keys() >= set(_FIELDS[name])
         }
         for each in self._objects:
-            if 'object_size' in values:
-                half_extents = each.half_extents(values)
-                field('geom_size')[each.id] = each.size_in(values)
-                field('geom_rbound')[each.id] = np.linalg.norm(half_extents)
-                field('geom_aabb')[each.id][3:] = half_extents
-                field('bvh_aabb')[each.bounding_volume][3:] = half_extents
-            if 'object_size' in values or 'object_mass' in values:
-                mass = float(values['object_mass'][0]) if 'object_mass' in values else each.mass
-                moments = inertia(each.geom_type, each.size_in(values), mass)
-                field('body_mass')[each.body] = mass
-                field('body_inertia')[each.body] = moments
+            each.write(values, field)
             if 'object_color' in values:
                 colour = values['object_color']
                 field('mat_rgba')[each.material][: colour.size] = colour

@@ -264,10 +264,9 @@ def options(tally: Tally, seed: int, examples: int) -> None:
     )
 
     def check(variant, name, value) -> None:
-        task, convention, mode = variant
-        given = {'convention': convention, 'action_mode': mode, name: value}
+        given = {**variant.options, name: value}
         with _refused_or_right(tally, name, *_ALSO.get(name, ())):
-            env = fetch_composer.load(task, seed=0, **given)
+            env = fetch_composer.load(variant.task, seed=0, **given)
             with contextlib.closing(env):
                 _check_finite(env.reset().observation)
                 action = np.ones(env.action_spec().shape, np.float32)
@@ -288,7 +287,7 @@ def explorer_options(tally: Tally, seed: int, examples: int) -> None:
     chosen = (
         'episodes', 'seed', 'num_envs', 'num_films', 'films', 'width', 'height', 'fps', 'step',
         'supersampling', 'goal', 'object_position', 'convention', 'max_episode_steps', 'noise',
-        'mixture', 'dataset',
+        'mixture', 'dataset', 'object_shape', 'object_size', 'object_mesh',
     )  # fmt: skip
 
     def check(name, value) -> None:

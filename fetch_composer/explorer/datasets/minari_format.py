@@ -29,7 +29,7 @@ from fetch_composer.explorer.datasets import part
 from fetch_composer.explorer.datasets.contents import Contents, Recorded
 
 _FOLDER_VARIABLE = 'MINARI_DATASETS_PATH'
-_GIVEN = ('object_position', 'goal')
+_GIVEN = ('object_shape', 'object_size', 'object_mesh', 'object_position', 'goal')
 _REQUIREMENTS = ('fetch_composer', 'mujoco')
 _ABOUT = 'fetch_composer'  # The key of the metadata under which `Contents.about` is, as JSON.
 

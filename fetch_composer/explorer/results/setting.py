@@ -18,6 +18,7 @@ class Setting:
         control_timestep: Seconds from one control step to the next.
         max_steps: Control steps of an episode that does not end before.
         identity: What a state of the task must share with it.
+        object_shape: What its objects are; None for the task's own.
     """
 
     task_name: str
@@ -27,6 +28,7 @@ class Setting:
     control_timestep: float
     max_steps: int
     identity: Identity
+    object_shape: str | None = None
 
     @classmethod
     def of(cls, env) -> 'Setting':
@@ -40,4 +42,5 @@ class Setting:
             env.control_timestep(),
             task.options.max_episode_steps,
             task.identity,
+            task.options.object_shape,
         )

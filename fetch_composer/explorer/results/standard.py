@@ -16,6 +16,7 @@ FIXED: Mapping[str, Any] = {
     'goal': None,
     'terminate_on_success': False,
     'action_mode': 'displacement',
+    'object_shape': None,
     'from_state': None,
 }
 HEADER = ('task', 'convention', 'policy', 'success (%)', 'return', 'distance (cm)')
@@ -40,8 +41,8 @@ def check(values: Mapping[str, Any]) -> None:
             raise ValueError(
                 f'standard is of seeds {seeds.STANDARD[0]} to {seeds.STANDARD[-1]}, '
                 f'{rules["max_episode_steps"]} control steps, {FIXED["reward_type"]} reward, drawn '
-                f'places, and action_mode {FIXED["action_mode"]}; got {name} {values[name]}. Leave '
-                f'out {name}, or standard.'
+                f"places, action_mode {FIXED['action_mode']}, and the task's own objects; got "
+                f'{name} {values[name]}. Leave out {name}, or standard.'
             )
 
 

@@ -13,6 +13,7 @@ def title(candidate: Candidate, setting: Setting) -> str:
     reached = sum(episode.is_success for episode in candidate.episodes)
     mode = setting.identity.action_mode
     way = '' if mode == action_modes.DISPLACEMENT.name else f', {mode}'
+    way += '' if setting.object_shape is None else f', {setting.object_shape}'
     return (
         f'{setting.task_name} · {candidate.policy} · {setting.convention}{way}: '
         f'{reached} of {len(candidate.episodes)} end at the goal'

@@ -15,6 +15,8 @@ from fetch_composer.tasks.layout import WITH_OBJECT as AT
 # centre.
 HOVER = 0.06
 
+_LOWEST = 0.42  # Height in m of the grip site, lower than which the fingertips meet the table.
+
 ABOVE = 0.02  # So near to the block's axis, in m, the open fingers can go down around it ...
 AROUND = 0.012  # ... and so near to its centre they can close.
 HELD = 0.03  # A block this near to closed fingers is between them: it may slip a little.
@@ -37,7 +39,7 @@ class PickAndPlaceExpert:
         seen = observation['observation']
         gripper, block = seen[AT.grip_position], seen[AT.object_position]
         fingers = seen[AT.fingers]
-        to_block = block - gripper
+        to_block = (*block[:2], max(block[2], _LOWEST)) - gripper
         distance = np.linalg.norm(to_block)
 
         if distance < HELD and fingers.max() < CLOSED:
