@@ -4,6 +4,7 @@ What holds for tasks of several objects and of obstacles is in test_several_obje
 """
 
 import os
+import pathlib
 
 # Tests need no display; they render where one of these works and are skipped elsewhere.
 os.environ.setdefault('MUJOCO_GL', 'egl')
@@ -12,6 +13,7 @@ import pytest  # noqa: E402
 
 import fetch_composer  # noqa: E402
 from fetch_composer import tasks  # noqa: E402
+from fetch_composer.entities import shapes  # noqa: E402
 from fetch_composer.tasks import conventions  # noqa: E402
 
 CONVENTIONS = tuple(conventions.CONVENTIONS)
@@ -42,3 +44,14 @@ def env(task_name, convention):
     environment = fetch_composer.load(task_name, seed=0, convention=convention)
     yield environment
     environment.close()
+
+
+@pytest.fixture(params=shapes.NAMES)
+def shape(request) -> str:
+    return request.param
+
+
+@pytest.fixture
+def mesh() -> str:
+    """A wedge: neither its middle nor its axes are those of its inertia."""
+    return str(pathlib.Path(__file__).with_name('wedge.obj'))

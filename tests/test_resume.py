@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -209,6 +210,16 @@ def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypa
     monkeypatch.setattr(provenance, 'code_digest', lambda: 'other')
     with pytest.raises(ValueError, match='differs in code'):
         run_lib.Run(_options(tmp_path), None)
+
+
+def test_a_changed_mesh_does_not_continue_what_another_began(tmp_path, mesh):
+    own = tmp_path / 'own.obj'
+    shutil.copy(mesh, own)
+    options = _options(tmp_path / 'run', task='push', object_shape='mesh', object_mesh=str(own))
+    _run_stopped(options, after=4)
+    own.write_text(own.read_text() + '\n# The same solid, but who would know.')
+    with pytest.raises(ValueError, match='differs in mesh'):
+        run_lib.Run(options, None)
 
 
 # -- Films -----------------------------------------------------------------------------------------

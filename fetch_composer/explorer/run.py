@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json
+import pathlib
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -314,10 +315,11 @@ class Run:
         return [writing.Written([str(self._dataset.path.resolve())], self._dataset.reading)]
 
     def _identity(self) -> dict[str, Any]:
-        options = self.options
+        options, mesh = self.options, self.options.task_options.object_mesh
         identity = {
             'task': options.task,
             **dataclasses.asdict(options.task_options),
+            'mesh': mesh and files.digest(pathlib.Path(mesh)),
             'policies': [[each, policies.digest(each)] for each in options.policies],
             'imports': [[each, user_modules.digest(each)] for each in options.imports],
             'versions': provenance.versions(),
