@@ -1,4 +1,4 @@
-"""What holds of the learner: hindsight, continuing, files, and messages."""
+"""What holds of the learner: continuing, files, and messages."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ import onnxruntime  # noqa: E402
 import fetch_composer  # noqa: E402
 from fetch_composer import policies  # noqa: E402
 from fetch_composer.learning import __main__ as command  # noqa: E402
-from fetch_composer.learning import curve, networks, replay, settings, train  # noqa: E402
+from fetch_composer.learning import curve, networks, settings, train  # noqa: E402
 
 _ROOT = pathlib.Path(__file__).parent.parent
 # Eight episodes an iteration, and networks that learn little: enough to go through all of it.
@@ -76,67 +76,6 @@ def _run(options, on_progress=None):
         return run, run.run()
     finally:
         run.close()
-
-
-def _episodes(number=6, steps=50, seed=0):
-    """Returns episodes in which the object goes for a random walk, in every other one."""
-    draw = np.random.default_rng(seed)
-    observations = draw.normal(size=(number, steps + 1, 25)).astype(np.float32)
-    observations[..., 3:6] = np.cumsum(0.01 * observations[..., 3:6], axis=1)
-    observations[::2, :, 3:6] = observations[::2, :1, 3:6]
-    goals = 0.1 * draw.normal(size=(number, 3)).astype(np.float32)
-    actions = draw.uniform(-1, 1, (number, steps, 4)).astype(np.float32)
-    return replay.Episodes(observations, goals, actions)
-
-
-def _buffer(episodes, **changes):
-    chosen = dataclasses.replace(settings.for_task('push'), **changes)
-    buffer = replay.HindsightReplay(chosen, episodes.actions.shape[1], 25)
-    buffer.add(episodes)
-    return buffer
-
-
-def test_every_reward_is_what_the_environment_gives_for_the_goal():
-    drawn = _buffer(_episodes()).sample(np.random.default_rng(1), (40, 50))
-    achieved = drawn.next_observation[..., 3:6]
-    np.testing.assert_array_equal(drawn.reward, fetch_composer.compute_reward(achieved, drawn.goal))
-    assert 0 < np.mean(drawn.reward == 0) < 1
-    assert drawn.action.shape == (40, 50, 4)
-
-
-def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():
-    episodes = _episodes()
-    buffer = _buffer(episodes, hindsight_share=1.0, moved_share=0.0)
-    drawn = buffer.sample(np.random.default_rng(1), (300,))
-    for observation, goal in zip(drawn.observation, drawn.goal, strict=True):
-        (episode,), (time,) = np.nonzero((episodes.observations == observation).all(-1))
-        later = episodes.observations[episode, time + 1 :, 3:6]
-        assert (later == goal).all(-1).any()
-
-
-def test_without_hindsight_goals_are_the_episodes_own():
-    episodes = _episodes()
-    drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))
-    assert {tuple(goal) for goal in drawn.goal} <= {tuple(goal) for goal in episodes.goals}
-
-
-def test_the_share_from_episodes_that_moved_the_object_is_kept():
-    episodes = _episodes(number=20)
-    for share in (0.0, 0.8):
-        buffer = _buffer(episodes, moved_share=share, hindsight_share=0.0)
-        drawn = buffer.sample(np.random.default_rng(1), (4000,))
-        moved = {tuple(goal) for goal in episodes.goals[1::2]}
-        found = np.mean([tuple(goal) in moved for goal in drawn.goal])
-        assert abs(found - (share + (1 - share) / 2)) < 0.03
-
-
-def test_new_episodes_take_the_place_of_the_oldest():
-    first, second = _episodes(seed=0), _episodes(seed=1)
-    buffer = _buffer(first, replay_episodes=6, hindsight_share=0.0)
-    buffer.add(second)
-    drawn = buffer.sample(np.random.default_rng(1), (200,))
-    assert len(buffer) == 6
-    assert {tuple(goal) for goal in drawn.goal} == {tuple(goal) for goal in second.goals}
 
 
 def test_reach_is_learned_within_a_few_thousand_steps(tmp_path):
@@ -296,6 +235,7 @@ def test_a_seed_fixes_a_run_and_another_differs(tmp_path, reached):
         (['--set=hidden=wide'], 'hidden must be integers with commas'),
         (['--set=discount=1.5'], 'discount must be less than 1, got 1.5'),
         (['--set=moved_share=2'], 'moved_share must be in [0, 1], got 2.0'),
+        (['--set=even_share=.6'], 'must not exceed 1 together'),
         (['--seed=-1'], 'seed must be a non-negative integer, got -1'),
         (['--minutes=0'], 'minutes must be positive, got 0'),
     ],
@@ -334,13 +274,3 @@ def test_training_tuning_and_judging_share_no_episode():
     ranges = (settings.TRAINING_SEEDS, settings.TUNING_SEEDS, range(1_000_000, 1_001_000))
     ends = [(each.start, each.stop) for each in ranges]
     assert all(one[1] <= other[0] for one, other in zip(ends, ends[1:], strict=False))
-
-
-def test_features_are_normalised():
-    episodes = _episodes(number=50)
-    statistics = networks.FeatureStatistics(networks.num_features(25))
-    statistics.add(episodes.observations, episodes.goals)
-    goals = np.broadcast_to(episodes.goals[:, None], (50, 51, 3))
-    seen = np.asarray(statistics.scale().normalize(episodes.observations, goals))
-    np.testing.assert_allclose(seen.mean((0, 1)), 0, atol=0.02)
-    np.testing.assert_allclose(seen.std((0, 1)), 1, atol=0.02)

@@ -22,6 +22,7 @@ _TEMPLATE = pathlib.Path(__file__).parent / 'task.md.j2'
 _AXES = ('x', 'y', 'z')
 _SIDES = ('right', 'left')
 _FINGERS = 'the right and the left finger'
+_ORDINALS = ('first', 'second')
 # What each convention's version of an id stands for; the names are those of `tasks.conventions`.
 _VERSIONS = {
     'gymnasium_robotics': 'what Gymnasium-Robotics 1.4.2 does in its version of that number',
@@ -30,9 +31,9 @@ _VERSIONS = {
 
 
 def write(folder: pathlib.Path) -> None:
-    """Writes a page for each task that Gymnasium-Robotics has a page for."""
+    """Writes a page for each task."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in tasks.published():
+    for name in fetch_composer.ALL:
         (folder / f'{name}.md').write_text(page(name), encoding='utf-8')
 
 
@@ -56,7 +57,8 @@ def page(name: str) -> str:
         thing=thing,
         start=start,
         goal=goal,
-        has_object=bool(task.scene.objects),
+        num_objects=len(task.scene.objects),
+        is_published=name in tasks.published(),
         locked=task.locked_gripper,
         ids={each: gymnasium_ids.env_id(name, each) for each in made},
         dense_id=gymnasium_ids.env_id(name, 'documented', 'dense'),
@@ -100,25 +102,30 @@ def action_rows(name: str) -> Iterator[tuple[str, ...]]:
 
 def observation_rows(name: str) -> list[tuple[str, ...]]:
     """Returns the same of each number of the vector `observation`, and its slice in `layout`."""
-    (places,) = layout.of(len(tasks.make(name).scene.objects))
+    layouts = layout.of(len(tasks.make(name).scene.objects))
     _, observation_space = _spaces(name)
     space = observation_space['observation']
     rows = {}
-    for slice_name, place in places._asdict().items():
-        if slice_name == 'size':
-            continue
-        indices = range(*place.indices(places.size))
-        if not indices:
-            continue
-        *_, meaning, unit, _ = _row('| with an object | without |', slice_name, column=-1)
-        if _FINGERS in meaning:
-            meanings = [meaning.replace(_FINGERS, f'the {side} finger') for side in _SIDES]
-        else:
-            meanings = [f'{meaning}: {axis}' for axis in _AXES]
-        for index, each in zip(indices, meanings, strict=True):
-            bounds = f'{space.low[index]:g}', f'{space.high[index]:g}'
-            rows[index] = (str(index), each, *bounds, unit, f'`{slice_name}`')
+    for places, ordinal in zip(layouts, _ORDINALS, strict=False):
+        for slice_name, indices in _indices(places).items():
+            *_, meaning, unit, _ = _row('| with an object | without |', slice_name, column=-1)
+            if len(layouts) > 1:
+                meaning = re.sub(r'\bobject', f'{ordinal} object', meaning)
+            if _FINGERS in meaning:
+                meanings = [meaning.replace(_FINGERS, f'the {side} finger') for side in _SIDES]
+            else:
+                meanings = [f'{meaning}: {axis}' for axis in _AXES]
+            for index, each in zip(indices, meanings, strict=True):
+                bounds = f'{space.low[index]:g}', f'{space.high[index]:g}'
+                rows[index] = (str(index), each, *bounds, unit, f'`{slice_name}`')
     return [rows[index] for index in sorted(rows)]
+
+
+def _indices(places: layout.Layout) -> dict[str, range]:
+    """Returns the indices of each slice of a layout that is not empty."""
+    slices = {name: each for name, each in places._asdict().items() if name != 'size'}
+    found = {name: range(*each.indices(places.size)) for name, each in slices.items()}
+    return {name: indices for name, indices in found.items() if indices}
 
 
 def _spaces(name: str):

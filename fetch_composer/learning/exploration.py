@@ -54,7 +54,7 @@ class Explorer:
 
         Args:
             observation: (num_envs, size) the first of each environment.
-            falling: How far the second half of a run is through, from 0 to 1.
+            falling: How much of its fall the noise has behind it, from 0 to 1.
         """
         # In the end some episodes show what the policy does nearly undisturbed, and others still
         # what else could be done.

@@ -130,7 +130,9 @@ class Trainer:
             seeds.tolist(),
             settings.episode_steps,
             lambda observation, goal: self._explorer.act(policy, observation, goal),
-            lambda observation: self._explorer.begin(observation, self._falling),
+            lambda observation: self._explorer.begin(
+                observation, self._falling(settings.noise_falls_until)
+            ),
         )
 
     def _update(self) -> None:
@@ -157,16 +159,15 @@ class Trainer:
                 'number. Lower the learning_rate, or try another seed.'
             )
 
-    @property
-    def _falling(self) -> float:
-        """How far the second half of the run is through, from 0 to 1; 0 before it begins."""
-        done = self.environment_steps / self.settings.environment_steps
+    def _falling(self, part: float = 1.0) -> float:
+        """Returns how far the second half of a part of the run is through, from 0 to 1."""
+        done = self.environment_steps / self.settings.environment_steps / part
         return min(max(2 * done - 1, 0), 1)
 
     def _learning_rate(self) -> float:
         """Returns the step size: constant, then falling in a straight line to the end."""
         first, last = self.settings.learning_rate, self.settings.final_learning_rate
-        return first + self._falling * (last - first)
+        return first + self._falling() * (last - first)
 
     def evaluate(self, seeds: range | None = None) -> np.ndarray:
         """Returns whether episodes end at their goal, of the tuning seeds unless others are given.

@@ -1,0 +1,96 @@
+"""What transitions are drawn from episodes, with which goals, and how they are normalised."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+for _package in ('jax', 'optax'):
+    pytest.importorskip(_package, reason="needs pip install 'fetch_composer[learn]'")
+
+import fetch_composer  # noqa: E402
+from fetch_composer.learning import networks, replay, settings  # noqa: E402
+
+
+def _episodes(number=6, steps=50, seed=0):
+    """Returns episodes in which the object goes for a random walk, in every other one."""
+    draw = np.random.default_rng(seed)
+    observations = draw.normal(size=(number, steps + 1, 25)).astype(np.float32)
+    observations[..., 3:6] = np.cumsum(0.01 * observations[..., 3:6], axis=1)
+    observations[::2, :, 3:6] = observations[::2, :1, 3:6]
+    goals = 0.1 * draw.normal(size=(number, 3)).astype(np.float32)
+    actions = draw.uniform(-1, 1, (number, steps, 4)).astype(np.float32)
+    return replay.Episodes(observations, goals, actions)
+
+
+def _buffer(episodes, **changes):
+    chosen = dataclasses.replace(settings.for_task('push'), **changes)
+    buffer = replay.HindsightReplay(chosen, episodes.actions.shape[1], 25)
+    buffer.add(episodes)
+    return buffer
+
+
+def test_every_reward_is_what_the_environment_gives_for_the_goal():
+    drawn = _buffer(_episodes()).sample(np.random.default_rng(1), (40, 50))
+    achieved = drawn.next_observation[..., 3:6]
+    np.testing.assert_array_equal(drawn.reward, fetch_composer.compute_reward(achieved, drawn.goal))
+    assert 0 < np.mean(drawn.reward == 0) < 1
+    assert drawn.action.shape == (40, 50, 4)
+
+
+def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():
+    episodes = _episodes()
+    buffer = _buffer(episodes, hindsight_share=1.0, moved_share=0.0)
+    drawn = buffer.sample(np.random.default_rng(1), (300,))
+    for observation, goal in zip(drawn.observation, drawn.goal, strict=True):
+        (episode,), (time,) = np.nonzero((episodes.observations == observation).all(-1))
+        later = episodes.observations[episode, time + 1 :, 3:6]
+        assert (later == goal).all(-1).any()
+
+
+def test_without_hindsight_goals_are_the_episodes_own():
+    episodes = _episodes()
+    drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))
+    assert {tuple(goal) for goal in drawn.goal} <= {tuple(goal) for goal in episodes.goals}
+
+
+def test_the_share_from_episodes_that_moved_the_object_is_kept():
+    episodes = _episodes(number=20)
+    for share in (0.0, 0.8):
+        buffer = _buffer(episodes, moved_share=share, hindsight_share=0.0)
+        drawn = buffer.sample(np.random.default_rng(1), (4000,))
+        moved = {tuple(goal) for goal in episodes.goals[1::2]}
+        found = np.mean([tuple(goal) in moved for goal in drawn.goal])
+        assert abs(found - (share + (1 - share) / 2)) < 0.03
+
+
+def test_distances_to_which_objects_were_moved_are_drawn_evenly():
+    episodes = _episodes(number=20)
+    episodes.observations[..., 3:6] = episodes.observations[:, :1, 3:6]  # Nothing moves,
+    episodes.observations[:8, 1:, 3] += 0.12  # but eight to here,
+    episodes.observations[8, 1:, 3] += 0.62  # one to there,
+    episodes.observations[9, 1:, 5] -= 0.4  # and one off the table.
+    buffer = _buffer(episodes, moved_share=0.0, even_share=1.0, hindsight_share=0.0)
+    goals = buffer.sample(np.random.default_rng(1), (2000,)).goal
+    frequencies = (goals[:, None] == episodes.goals).all(-1).mean(0)
+    np.testing.assert_allclose(frequencies[:9], 8 * [1 / 16] + [1 / 2], atol=0.03)
+    assert not frequencies[9:].any()
+
+
+def test_new_episodes_take_the_place_of_the_oldest():
+    first, second = _episodes(seed=0), _episodes(seed=1)
+    buffer = _buffer(first, replay_episodes=6, hindsight_share=0.0)
+    buffer.add(second)
+    drawn = buffer.sample(np.random.default_rng(1), (200,))
+    assert len(buffer) == 6
+    assert {tuple(goal) for goal in drawn.goal} == {tuple(goal) for goal in second.goals}
+
+
+def test_features_are_normalised():
+    episodes = _episodes(number=50)
+    statistics = networks.FeatureStatistics(networks.num_features(25))
+    statistics.add(episodes.observations, episodes.goals)
+    goals = np.broadcast_to(episodes.goals[:, None], (50, 51, 3))
+    seen = np.asarray(statistics.scale().normalize(episodes.observations, goals))
+    np.testing.assert_allclose(seen.mean((0, 1)), 0, atol=0.02)
+    np.testing.assert_allclose(seen.std((0, 1)), 1, atol=0.02)
