@@ -131,7 +131,7 @@ $(VENV)/.test: $(BIN)/python setup.py
 .venv-clients-acme/.installed: EXTRA = [acme]
 .venv-clients-torch/.installed: EXTRA = [explore,zoo,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
-.venv-clients-minari/.installed: EXTRA = [minari,ogbench]
+.venv-clients-minari/.installed: EXTRA = [minari,ogbench,learn]
 .venv-clients-lerobot/.installed: EXTRA = [lerobot]
 .venv-clients-%/.installed: setup.py
 	$(PYTHON) -m venv $(@D)
