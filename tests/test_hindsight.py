@@ -64,19 +64,6 @@ def test_the_share_from_episodes_that_moved_the_object_is_kept():
         assert abs(found - (share + (1 - share) / 2)) < 0.03
 
 
-def test_distances_to_which_objects_were_moved_are_drawn_evenly():
-    episodes = _episodes(number=20)
-    episodes.observations[..., 3:6] = episodes.observations[:, :1, 3:6]  # Nothing moves,
-    episodes.observations[:8, 1:, 3] += 0.12  # but eight to here,
-    episodes.observations[8, 1:, 3] += 0.62  # one to there,
-    episodes.observations[9, 1:, 5] -= 0.4  # and one off the table.
-    buffer = _buffer(episodes, moved_share=0.0, even_share=1.0, hindsight_share=0.0)
-    goals = buffer.sample(np.random.default_rng(1), (2000,)).goal
-    frequencies = (goals[:, None] == episodes.goals).all(-1).mean(0)
-    np.testing.assert_allclose(frequencies[:9], 8 * [1 / 16] + [1 / 2], atol=0.03)
-    assert not frequencies[9:].any()
-
-
 def test_new_episodes_take_the_place_of_the_oldest():
     first, second = _episodes(seed=0), _episodes(seed=1)
     buffer = _buffer(first, replay_episodes=6, hindsight_share=0.0)

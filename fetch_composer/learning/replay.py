@@ -11,8 +11,6 @@ from fetch_composer.tasks import rewards
 
 _MOVED = 0.005  # m from its start, along an axis, after which an object counts as moved.
 _LIFTED = 0.04  # m above its start, after which it counts as lifted.
-_DROPPED = -0.05  # m above its start, after which it counts as dropped.
-_BIN = 0.05  # m: distances to which an object was moved count as the same in steps of this.
 
 
 class Episodes(NamedTuple):
@@ -78,7 +76,6 @@ class HindsightReplay:
         )
         self._moved = np.zeros(capacity, bool)
         self._lifted = np.zeros(capacity, bool)
-        self._distance = np.zeros(capacity, int)  # In bins; 0 if it was not moved, or dropped.
         self._added = 0
 
     def __len__(self) -> int:
@@ -93,9 +90,6 @@ class HindsightReplay:
         way = achieved - achieved[:, :1]
         self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
         self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
-        is_kept = self._moved[rows] & (way[..., 2::3].min(axis=(1, 2)) > _DROPPED)
-        distance = np.linalg.norm(way[:, -1], axis=1)
-        self._distance[rows] = np.where(is_kept, 1 + distance / _BIN, 0)
         self._added += len(rows)
 
     def sample(self, generator: np.random.Generator, shape: tuple[int, ...]) -> Transitions:
@@ -141,32 +135,13 @@ class HindsightReplay:
             if share and len(rows):
                 episode[chosen] = rows[generator.integers(len(rows), size=int(chosen.sum()))]
             begin += share
-        chosen = (begin <= chance) & (chance < begin + self._settings.even_share)
-        if chosen.any():
-            episode[chosen] = self._sample_evenly(generator, int(chosen.sum()))
         return episode
-
-    def _sample_evenly(self, generator: np.random.Generator, count: int) -> np.ndarray:
-        """Returns (count,) rows of episodes that moved the object, each distance as often."""
-        distance = self._distance[: len(self)]
-        bins = [np.flatnonzero(distance == each) for each in np.unique(distance[distance > 0])]
-        if not bins:
-            return generator.integers(len(self), size=count)
-        chosen = generator.integers(len(bins), size=count)
-        sizes = np.array([len(each) for each in bins])
-        within = generator.integers(sizes[chosen])
-        starts = np.cumsum(sizes) - sizes
-        return np.concatenate(bins)[starts[chosen] + within]
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns all that is kept, as arrays."""
         size = len(self)
         arrays = {name: kept[:size] for name, kept in self._episodes._asdict().items()}
-        marks = {
-            'moved': self._moved[:size],
-            'lifted': self._lifted[:size],
-            'distance': self._distance[:size],
-        }
+        marks = {'moved': self._moved[:size], 'lifted': self._lifted[:size]}
         return {**arrays, **marks, 'added': np.array(self._added)}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
@@ -177,4 +152,3 @@ class HindsightReplay:
             kept[:size] = state[name]
         self._moved[:size] = state['moved']
         self._lifted[:size] = state['lifted']
-        self._distance[:size] = state['distance']

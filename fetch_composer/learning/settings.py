@@ -12,7 +12,7 @@ from fetch_composer.explorer.episodes import seeds
 TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, seeds.STANDARD
 
 _SHARES = (
-    'hindsight_share', 'moved_share', 'even_share', 'lifted_share', 'uniform_share',
+    'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',
     'final_noise', 'noise_falls_until', 'relay_share',
 )  # fmt: skip
 
@@ -38,8 +38,6 @@ class Settings:
         replay_episodes: Episodes that are kept.
         hindsight_share: Share of transitions whose goal is replaced by one achieved later.
         moved_share: Share of transitions that are taken from episodes that moved the object.
-        even_share: Share of transitions that are taken from episodes that moved the object, and did
-            not drop it, such that all distances to which it was moved are as frequent.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
         uniform_share: Share of actions that are drawn uniformly while exploring.
@@ -70,7 +68,6 @@ class Settings:
     replay_episodes: int = 20_000
     hindsight_share: float = 0.8
     moved_share: float = 0.5
-    even_share: float = 0.0
     lifted_share: float = 0.0
     noise: float = 0.2
     uniform_share: float = 0.3
@@ -99,8 +96,8 @@ class Settings:
                 raise ValueError(f'{field.name} must be positive, got {value}.')
         if not self.discount < 1:
             raise ValueError(f'discount must be less than 1, got {self.discount}.')
-        if self.moved_share + self.even_share + self.lifted_share > 1:
-            raise ValueError('moved_share, even_share and lifted_share must not exceed 1 together.')
+        if self.moved_share + self.lifted_share > 1:
+            raise ValueError('moved_share and lifted_share must not exceed 1 together.')
         if not self.noise_falls_until:
             raise ValueError('noise_falls_until must not be 0.')
 
@@ -130,16 +127,13 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     'stack': {'environment_steps': 1_000_000, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # The puck glides for most of an episode, and what it does then was decided long before: later
-    # rewards weigh more. Noise spoils a hit, and so some environments soon have little. Far goals
-    # need the most precise hits, but few pucks get there, and many beyond: they are learned from as
-    # often as near ones. Fewer updates of larger networks are worth more here.
+    # rewards weigh more. Noise spoils a hit, and so some environments soon have little. Fewer
+    # updates of larger networks are worth more here.
     'slide': {
-        'environment_steps': 1_600_000,
+        'environment_steps': 1_440_000,
         'updates_per_step': 0.25,
         'hidden': (256, 256),
         'discount': 0.97,
-        'moved_share': 0.0,
-        'even_share': 0.8,
         'final_noise': 0.0,
         'noise_falls_until': 0.1,
         'evaluate_every': 20,
