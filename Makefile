@@ -66,7 +66,7 @@ curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.
 results: $(VENV)/.explore  ## Make the standard evaluations for docs/results.md; some minutes.
 	MUJOCO_GL=disabled $(BIN)/python -m docs.make_results
 
-datasets: $(VENV)/.datasets  ## Make datasets of graded skill for docs/datasets.md; a quarter of an hour, 2 GB.
+datasets: $(VENV)/.datasets  ## Make datasets of graded skill for docs/datasets.md; half an hour, 5 GB.
 	MUJOCO_GL=disabled $(BIN)/python -m docs.make_datasets $(DATASETS_OPTIONS)
 
 build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in a clean environment.
