@@ -11,7 +11,8 @@ _PRIMITIVES: dict[str, type[solids.Solid]] = {
     each.shape: each for each in (solids.Box, solids.Cylinder, solids.Capsule, solids.Ellipsoid)
 }
 MESH = mesh_solids.Mesh.shape
-NAMES = (*_PRIMITIVES, MESH)
+_ALL: dict[str, type[solids.Solid]] = {**_PRIMITIVES, MESH: mesh_solids.Mesh}
+NAMES = tuple(_ALL)
 
 # In m, as MuJoCo has them: as wide as the gripper grasps a block. Of a mesh, half of the largest
 # side of its bounding box.
@@ -27,7 +28,7 @@ SMALLEST, LARGEST = 0.005, 0.1  # m, of a size that may be chosen.
 
 def num_sizes(shape: str) -> int:
     """Returns how many sizes a shape has."""
-    return 3 if shape == MESH else _PRIMITIVES[shape].num_sizes
+    return _ALL[shape].num_sizes
 
 
 def make(shape: str, size: npt.ArrayLike | None = None) -> solids.Solid:

@@ -7,9 +7,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-_UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 # Quaternions that turn an axis of a solid up, x, y or z, and which axis is then along which.
-_UP = ((np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0), _UPRIGHT)
+_UP = (
+    (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0),
+    (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0),
+    (1.0, 0.0, 0.0, 0.0),
+)
 _EXTENTS = np.array(((2, 1, 0), (0, 2, 1), (0, 1, 2)))
 
 
@@ -67,14 +70,19 @@ class Solid(abc.ABC):
         return True
 
     @property
+    def upright_axis(self) -> int:
+        """Which of the geom's axes is upright as it rests."""
+        return 2
+
+    @property
     def quaternion(self) -> tuple[float, ...]:
         """(w, x, y, z) of the geom as it rests."""
-        return _UPRIGHT
+        return _UP[self.upright_axis]
 
     @property
     def half_extents(self) -> np.ndarray:
         """(3,) half of its length, width and height in m as it rests."""
-        return self.bounds
+        return self.bounds[_EXTENTS[self.upright_axis]]
 
     @property
     def reach(self) -> float:
@@ -170,12 +178,8 @@ class Capsule(Solid):
         return float(self.size.sum())
 
     @property
-    def quaternion(self) -> tuple[float, ...]:
-        return _UP[0]
-
-    @property
-    def half_extents(self) -> np.ndarray:
-        return self.bounds[_EXTENTS[0]]
+    def upright_axis(self) -> int:
+        return 0
 
 
 class Ellipsoid(Solid):
@@ -196,13 +200,5 @@ class Ellipsoid(Solid):
         return float(self.size.max())
 
     @property
-    def _shortest(self) -> int:
+    def upright_axis(self) -> int:
         return 2 - int(self.size[::-1].argmin())  # The last one of several.
-
-    @property
-    def quaternion(self) -> tuple[float, ...]:
-        return _UP[self._shortest]
-
-    @property
-    def half_extents(self) -> np.ndarray:
-        return self.size[_EXTENTS[self._shortest]]

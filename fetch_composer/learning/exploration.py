@@ -78,7 +78,7 @@ class Explorer:
             at.grip_position, at.fingers, at.grip_velocity, at.finger_velocities
         ]
         starts = np.array([each.object_position.start for each in layouts])
-        which = draw.integers(len(starts), size=count) if len(starts) > 1 else np.zeros(count, int)
+        which = draw.integers(len(starts), size=count)
         self._of_object = starts[which][:, None] + np.arange(3)
 
     def act(

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fetch_composer.entities import Obstacle
+from fetch_composer.entities.solids import Solid
 from fetch_composer.tasks.scene import Prop, Scene
 from fetch_composer.tasks.variations import Variations
 
@@ -41,19 +43,17 @@ class Clearance:
         solids = self._variations.solids(values)
         places = object_position.reshape(-1, 2)
         at = f'object_position {object_position.tolist()} is where'
-        grip = self._grip_start + values.get('gripper_offset', 0.0)
         for i, (place, solid) in enumerate(zip(places, solids, strict=True)):
-            radius, height = solid.reach, 2 * solid.half_extents[2]
+            radius = solid.reach
+            grip = self._gripper_beside(solid, values)
             needed = radius + _GRIPPER_REACH
-            is_low = grip[2] - FINGERTIP_DEPTH < self._scene.workspace.table_top + height
-            if is_low and np.linalg.norm(place - grip[:2]) < needed:
+            if grip is not None and np.linalg.norm(place - grip) < needed:
                 return (
                     f'{at} the gripper starts: it must be at least {needed:.3f} m from '
-                    f'{grip[:2].round(4).tolist()}.'
+                    f'{grip.round(4).tolist()}.'
                 )
             for each in self._scene.obstacles:
-                beyond = np.abs(place - each.position[:2]) - each.half_size[:2]
-                if np.linalg.norm(np.maximum(beyond, 0.0)) < radius:
+                if _distance(place, each) < radius:
                     return (
                         f'{at} an obstacle stands: it must be at least {radius:.3f} m from the '
                         f'{(2 * each.half_size[:2]).round(4).tolist()} m around '
@@ -82,18 +82,22 @@ class Clearance:
             occupied: x and y, (2,), and radius, in m, of what else stands on the table.
             values: What was drawn for the episode.
         """
-        reach, height = prop.block.solid.reach, 2 * prop.block.half_height
-        grip = self._grip_start + values.get('gripper_offset', 0.0)
-        if grip[2] - FINGERTIP_DEPTH < self._scene.workspace.table_top + height:
-            occupied = [*occupied, (grip[:2], _GRIPPER_REACH)]
-        workspace = self._scene.workspace
+        solid, workspace = prop.block.solid, self._scene.workspace
+        reach = solid.reach
         if (np.abs(place - workspace.table_position[:2]) > workspace.table_half_size[:2]).any():
             return False
-        for each in self._scene.obstacles:
-            beyond = np.maximum(np.abs(place - each.position[:2]) - each.half_size[:2], 0.0)
-            if np.linalg.norm(beyond) < reach:
-                return False
+        if any(_distance(place, each) < reach for each in self._scene.obstacles):
+            return False
+        grip = self._gripper_beside(solid, values)
+        if grip is not None:
+            occupied = [*occupied, (grip, _GRIPPER_REACH)]
         return all(np.linalg.norm(place - other) >= reach + radius for other, radius in occupied)
+
+    def _gripper_beside(self, solid: Solid, values: Mapping[str, np.ndarray]) -> np.ndarray | None:
+        """Returns (2,) where the gripper starts, if it is as low as a solid on the table."""
+        grip = self._grip_start + values.get('gripper_offset', 0.0)
+        top = self._scene.workspace.table_top + 2 * solid.half_extents[2]
+        return grip[:2] if grip[2] - FINGERTIP_DEPTH < top else None
 
     def occupied(
         self,
@@ -109,3 +113,9 @@ class Clearance:
             for places in (object_position.reshape(-1, 2), goal.reshape(-1, 3)[:, :2]):
                 found += [(at, each.reach) for at, each in zip(places, solids, strict=True)]
         return found
+
+
+def _distance(place: np.ndarray, obstacle: Obstacle) -> float:
+    """Returns the distance in m of a place, (2,), from an obstacle, seen from above."""
+    beyond = np.abs(place - obstacle.position[:2]) - obstacle.half_size[:2]
+    return float(np.linalg.norm(np.maximum(beyond, 0.0)))

@@ -210,6 +210,6 @@ class Scene:
         self.props.append(Prop(prop, prop.attach_to(self.arena), centre, sampler))
 
     @property
-    def drawn_props(self) -> list['Prop']:
+    def drawn_props(self) -> list[Prop]:
         """The props whose places are drawn."""
         return [each for each in self.props if each.sampler is not None]

@@ -201,11 +201,11 @@ class EpisodeStarts:
 
     def _with_props(self, start: Start, random_state) -> Start:
         """Returns a start with places for the props, clear of all else that stands on the table."""
-        places: list[np.ndarray] = []
         if not self._scene.drawn_props:
             return start
         assert start.goal is not None, 'One is drawn.'
         occupied = self._clearance.occupied(start.object_position, start.goal, start.variations)
+        places: list[np.ndarray] = []
         for prop in self._scene.drawn_props:
             places.append(self._place_of(prop, start, occupied, random_state))
             occupied.append((places[-1], prop.block.solid.reach))
