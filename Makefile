@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves results test test-only test-clients check format docs datasets gallery build bench soak parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients test-warp check format docs datasets gallery build bench soak parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -39,6 +39,9 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_ogbench.py
 	.venv-clients-lerobot/bin/python $(CLIENT_TEST)/test_lerobot.py
+
+test-warp: .venv-clients-warp/.installed  ## Test the batch on a device, here the processor; some twenty minutes.
+	MUJOCO_GL=disabled .venv-clients-warp/bin/python -m pytest -m warp tests/accelerator
 
 check: $(VENV)/.test  ## Lint and type-check; edits nothing.
 	$(BIN)/ruff check .
@@ -133,6 +136,7 @@ $(VENV)/.test: $(BIN)/python setup.py
 .venv-clients-ray/.installed: EXTRA = [ray]
 .venv-clients-minari/.installed: EXTRA = [minari,ogbench,learn]
 .venv-clients-lerobot/.installed: EXTRA = [lerobot]
+.venv-clients-warp/.installed: EXTRA = [warp,learn]
 .venv-clients-%/.installed: setup.py
 	$(PYTHON) -m venv $(@D)
 	$(@D)/bin/pip install -q pytest -e '.$(EXTRA)'

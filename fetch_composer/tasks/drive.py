@@ -20,8 +20,8 @@ from fetch_composer.tasks.options import TaskOptions
 from fetch_composer.tasks.starts import StartState
 
 # What Gymnasium-Robotics adds to the gripper's quaternion to get the mocap body's.
-_ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
-_FIXED_ROTATION = np.array(conventions.POINTING_DOWN)
+ADDED_ROTATION = np.array((1.0, 0.0, 1.0, 0.0))
+FIXED_ROTATION = np.array(conventions.POINTING_DOWN)
 
 # How far ahead of the gripper and of a joint their targets may be. At full speed, the one follows
 # 0.06 to 0.15 rad behind and the other 0.2.
@@ -162,11 +162,11 @@ class Drive:
         else:
             self._mocap_position[rows] = position[rows] + displacement
         if self._additive_rotation:
-            self._mocap_quaternion[rows] = quaternion[rows] + _ADDED_ROTATION
+            self._mocap_quaternion[rows] = quaternion[rows] + ADDED_ROTATION
         elif self._turns_gripper:
             self._mocap_quaternion[rows] = self._turned(action[..., 3:-1], rows)
         else:
-            self._mocap_quaternion[rows] = _FIXED_ROTATION
+            self._mocap_quaternion[rows] = FIXED_ROTATION
 
     def _turned(self, rotation: np.ndarray, rows: Any) -> np.ndarray:
         """Returns the mocap body's orientation, turned.

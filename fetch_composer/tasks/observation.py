@@ -91,7 +91,7 @@ class GoalObserver:
         self._finger_velocities = data.qvel[addresses.finger_qvel]
         self._velocity = self._velocity_of_body if current else self._velocity_by_axes
         self._spatial = np.zeros(6)
-        self._movers = {site: _movers(model, site) for site in (grip_site, *object_sites)}
+        self._movers = {site: movers(model, site) for site in (grip_site, *object_sites)}
         # Site, position and rotation matrix of each object; the latter two are live.
         self._objects = [
             (site, data.site_xpos[site], data.site_xmat[site]) for site in object_sites
@@ -175,7 +175,7 @@ class _SiteMotions:
         axes, qvel = sims.bind('cdof'), sims.bind('qvel')
         positions, centres = sims.bind('site_xpos'), sims.bind('subtree_com')
         for site in sites:
-            dofs, root = _movers(model, site)
+            dofs, root = movers(model, site)
             # A slice needs no copy; joints of the head lie between those of torso and arm.
             contiguous = np.ptp(dofs) == len(dofs) - 1
             chosen = slice(dofs[0], dofs[-1] + 1) if contiguous else dofs
@@ -202,7 +202,7 @@ class _SiteMotions:
         return linear, spatial[:3]
 
 
-def _movers(model: mujoco.MjModel, site: int) -> tuple[np.ndarray, int]:
+def movers(model: mujoco.MjModel, site: int) -> tuple[np.ndarray, int]:
     """Returns the degrees of freedom that move a site, from the world to it, and their root."""
     moving: list[int] = []
     body = model.site_bodyid[site]

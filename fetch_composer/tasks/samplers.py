@@ -12,7 +12,13 @@ _MAX_REJECTIONS = 1000
 
 
 class OffsetBeyond(variation.Variation):
-    """A point near a centre, but not nearer than a clearance, in the plane of the table."""
+    """A point near a centre, but not nearer than a clearance, in the plane of the table.
+
+    Attributes:
+        centre: (2,) x and y of the centre in m.
+        half_range: Each offset is uniform in [-half_range, half_range] m.
+        clearance: No offset is shorter than this many m.
+    """
 
     def __init__(self, centre: npt.ArrayLike, half_range: float, clearance: float) -> None:
         """Initializes the sampler.
@@ -30,26 +36,34 @@ class OffsetBeyond(variation.Variation):
                 f'No offset within ±{half_range} m is longer than the clearance of {clearance} m; '
                 'lower the clearance or widen the range.'
             )
-        self._centre = np.array(centre, dtype=np.float64)[:2]
-        self._half_range = half_range
-        self._clearance = clearance
+        self.centre = np.array(centre, dtype=np.float64)[:2]
+        self.half_range = half_range
+        self.clearance = clearance
 
     def __call__(self, initial_value=None, current_value=None, random_state=None) -> np.ndarray:
         """Returns (2,) x and y in m."""
         del initial_value, current_value  # Unused.
         for _ in range(_MAX_REJECTIONS):
-            offset = random_state.uniform(-self._half_range, self._half_range, size=2)
-            point = self._centre + offset
-            if np.linalg.norm(point - self._centre) >= self._clearance:
+            offset = random_state.uniform(-self.half_range, self.half_range, size=2)
+            point = self.centre + offset
+            if np.linalg.norm(point - self.centre) >= self.clearance:
                 return point
         raise RuntimeError(
-            f'No place at least {self._clearance} m from {self._centre} was found in '
+            f'No place at least {self.clearance} m from {self.centre} was found in '
             f'{_MAX_REJECTIONS} draws; lower the clearance or widen the range.'
         )
 
 
 class GoalAround(variation.Variation):
-    """A goal near a centre: in a cube around it, or at the height of the object or above it."""
+    """A goal near a centre: in a cube around it, or at the height of the object or above it.
+
+    Attributes:
+        centre: (3,) centre in m.
+        half_range: Each offset is uniform in [-half_range, half_range] m.
+        height: z of the goal in m; if None, z is sampled like x and y.
+        air_probability: Probability that the goal is lifted off `height`.
+        air_height: A lifted goal is up to this many m above `height`.
+    """
 
     def __init__(
         self,
@@ -68,21 +82,21 @@ class GoalAround(variation.Variation):
             air_probability: Probability that the goal is lifted off `height`.
             air_height: A lifted goal is up to this many m above `height`.
         """
-        self._centre = np.array(centre, dtype=np.float64)
-        self._half_range = half_range
-        self._height = height
-        self._air_probability = air_probability
-        self._air_height = air_height
+        self.centre = np.array(centre, dtype=np.float64)
+        self.half_range = half_range
+        self.height = height
+        self.air_probability = air_probability
+        self.air_height = air_height
 
     def __call__(self, initial_value=None, current_value=None, random_state=None) -> np.ndarray:
         """Returns (3,) a goal in m."""
         del initial_value, current_value  # Unused.
-        goal = self._centre + random_state.uniform(-self._half_range, self._half_range, size=3)
-        if self._height is None:
+        goal = self.centre + random_state.uniform(-self.half_range, self.half_range, size=3)
+        if self.height is None:
             return goal
-        goal[2] = self._height
-        if self._air_probability and random_state.uniform() < self._air_probability:
-            goal[2] += random_state.uniform(0, self._air_height)
+        goal[2] = self.height
+        if self.air_probability and random_state.uniform() < self.air_probability:
+            goal[2] += random_state.uniform(0, self.air_height)
         return goal
 
 

@@ -103,6 +103,11 @@ class EpisodeStarts:
         self._clearance = Clearance(scene, grip_start, variations)
         self._every_episode = Start()
 
+    @property
+    def samplers(self) -> tuple[variation.Variation | None, variation.Variation]:
+        """What samples the objects' places, None without any, and the desired goal."""
+        return self._object_sampler, self._goal_sampler
+
     def fix(self, start: Start) -> None:
         """Gives what every episode starts with, from what `check` returned."""
         self._every_episode = start

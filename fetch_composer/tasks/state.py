@@ -16,7 +16,7 @@ import numpy as np
 from fetch_composer.tasks import checks, drive
 from fetch_composer.tasks.options import TaskOptions
 
-_PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
+PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _SEPARATOR = '/'
 _MOST_STEPS = 2**31  # Which a batch can count.
 _NAMES = ('task_name', 'convention', 'action_mode', 'model', 'version')
@@ -178,7 +178,7 @@ def identity(
         digest.hexdigest()[:16],
         metadata.version('mujoco'),
         shapes={
-            'physics': (mujoco.mj_stateSize(model, _PHYSICS),),
+            'physics': (mujoco.mj_stateSize(model, PHYSICS),),
             'gripper_pose': (7,),
             'goal': (3 * num_goals,),
             'prop_position': (2 * num_props,),
@@ -188,13 +188,13 @@ def identity(
 
 def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """Returns MuJoCo's integration state, a new array."""
-    physics = np.empty(mujoco.mj_stateSize(model, _PHYSICS))
-    mujoco.mj_getState(model, data, physics, _PHYSICS)
+    physics = np.empty(mujoco.mj_stateSize(model, PHYSICS))
+    mujoco.mj_getState(model, data, physics, PHYSICS)
     return physics
 
 
 def set_physics(model: mujoco.MjModel, data: mujoco.MjData, physics: np.ndarray) -> None:
     """Puts a simulation into a state, and brings positions and velocities up to date."""
-    mujoco.mj_setState(model, data, np.asarray(physics, dtype=np.float64), _PHYSICS)
+    mujoco.mj_setState(model, data, np.asarray(physics, dtype=np.float64), PHYSICS)
     drive.refresh(model, data)
     mujoco.mj_camlight(model, data)
