@@ -17,8 +17,9 @@ import mujoco_warp
 import numpy as np
 import warp as wp
 
-from benchmarks import markdown, results
+from benchmarks import markdown
 from fetch_composer.batch import BatchEnvironment
+from fetch_composer.batch.simulations import num_processors
 from fetch_composer.warp_batch import WarpBatchEnvironment
 
 _MARKER = 'accelerator table: made by python -m benchmarks.accelerator'
@@ -49,6 +50,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('--rounds', type=int, default=_ROUNDS)
     parser.add_argument('--output', type=pathlib.Path, help='a JSON file of the figures')
     parser.add_argument('--write', type=pathlib.Path, help='a page whose table is replaced')
+    parser.add_argument('--read', type=pathlib.Path, help='such a file, in place of measuring')
     return parser.parse_args(arguments)
 
 
@@ -72,7 +74,6 @@ def _actions(num_envs: int) -> np.ndarray:
 
 def _measured_on_device(task: str, convention: str, num_envs: int, options) -> dict[str, Any]:
     device = wp.get_device(options.device) if options.device else wp.get_preferred_device()
-    free = device.free_memory if device.is_cuda else 0
     start = time.perf_counter()
     with WarpBatchEnvironment(task, num_envs, str(device), seed=0, convention=convention) as batch:
         batch.reset()
@@ -81,7 +82,7 @@ def _measured_on_device(task: str, convention: str, num_envs: int, options) -> d
         batch.check()
         first = time.perf_counter() - start
         seconds = _rounds(batch.step, batch.check, actions, options.rounds)
-        memory = free - device.free_memory if device.is_cuda else None
+        memory = device.total_memory - device.free_memory if device.is_cuda else None
     return {
         'batch': device.name if device.is_cuda else f'Warp on {device.name}',
         'steps_per_second': num_envs / seconds,
@@ -144,20 +145,22 @@ def page(measured: dict[str, Any]) -> str:
 def main(arguments: list[str] | None = None) -> None:
     """Measures and prints, and writes the figures."""
     options = _parse(arguments)
-    wp.init()
-    rows = []
-    for row in _measure(options):
-        rows.append(row)
-        measured = {'machine': _machine(), 'rows': rows}
-        if options.output:  # After each row: some take minutes.
-            options.output.write_text(json.dumps(measured, indent=1), encoding='utf-8')
+    if options.read:
+        measured = json.loads(options.read.read_text(encoding='utf-8'))
+    else:
+        wp.init()
+        measured = {'machine': _machine(), 'rows': []}
+        for row in _measure(options):
+            measured['rows'].append(row)
+            if options.output:  # After each row: some take minutes.
+                options.output.write_text(json.dumps(measured, indent=1), encoding='utf-8')
     if options.write:
         markdown.write_between_markers(options.write, _MARKER, page(measured))
 
 
 def _machine() -> str:
     return (
-        f'{results.describe_machine()["processors"]} processors'
+        f'{num_processors()} processors'
         f' ({platform.system()}, {platform.machine()}), mujoco-warp {mujoco_warp.__version__}, '
         f'warp-lang {wp.__version__}'
     )

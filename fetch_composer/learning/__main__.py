@@ -31,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
         '--set', action='append', default=[], metavar='NAME=VALUE', help='change a setting'
     )
     parser.add_argument('--num_threads', type=int, help='of the simulation; all processors if None')
+    parser.add_argument('--device', help='of Warp, such as cuda, to simulate on; needs [warp]')
     parser.add_argument(
         '--report',
         action=argparse.BooleanOptionalAction,
@@ -67,6 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
             minutes=flags.minutes,
             output_dir=folder,
             num_threads=flags.num_threads,
+            device=flags.device,
         )
         with tqdm.tqdm(total=options.settings.environment_steps, unit=' steps') as line:
 
@@ -82,7 +84,7 @@ def main(arguments: list[str] | None = None) -> int:
                 summary = run.run()
             finally:
                 run.close()
-    except (ValueError, OSError, ArithmeticError) as error:
+    except (ValueError, OSError, ArithmeticError, ImportError) as error:
         print(error, file=sys.stderr)
         return 1
     except KeyboardInterrupt:

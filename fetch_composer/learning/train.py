@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from fetch_composer.batch import BatchEnvironment
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.folder_lock import FolderLock
@@ -33,6 +34,7 @@ class Options:
         minutes: After so many minutes, runs before this one included, it ends; None for never.
         output_dir: Folder to write into.
         num_threads: Threads of the simulation; None for one for each processor.
+        device: A device of Warp that simulates, such as 'cuda'; None for the native batch.
     """
 
     task: str
@@ -42,6 +44,7 @@ class Options:
     minutes: float | None
     output_dir: pathlib.Path
     num_threads: int | None = None
+    device: str | None = None
 
     def __post_init__(self) -> None:
         """Raises `ValueError`, which says what is valid, if an option is not."""
@@ -50,6 +53,16 @@ class Options:
             raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f'minutes must be positive, got {self.minutes}.')
+        if self.device is not None and self.num_threads is not None:
+            raise ValueError('num_threads are of the native batch, and not of a device.')
+
+    def make_batch(self, task: str, num_envs: int, **task_kwargs) -> Any:
+        """Returns a batch of environments, which gives NumPy's arrays."""
+        if self.device is None:
+            return BatchEnvironment(task, num_envs, self.num_threads, **task_kwargs)
+        from fetch_composer.warp_batch import WarpBatchEnvironment, as_numpy
+
+        return WarpBatchEnvironment(task, num_envs, self.device, convert=as_numpy, **task_kwargs)
 
     @property
     def command(self) -> str:
@@ -57,6 +70,8 @@ class Options:
         usual = settings_lib.for_task(self.task)
         words = [f'python -m fetch_composer.learning --task {self.task}']
         words.append(f'--convention {self.convention} --seed {self.seed}')
+        if self.device is not None:
+            words.append(f'--device {self.device}')
         for name in settings_lib.names():
             value = getattr(self.settings, name)
             if value != getattr(usual, name):
@@ -69,12 +84,13 @@ class Options:
         """What decides on the run, fit for JSON: the same is needed to continue it."""
         settings = dataclasses.asdict(self.settings)
         settings['hidden'] = list(self.settings.hidden)
-        return {
+        decisive = {
             'task': self.task,
             'convention': self.convention,
             'seed': self.seed,
             'settings': settings,
         }
+        return decisive if self.device is None else {**decisive, 'device': self.device}
 
 
 class _Clock:
@@ -135,7 +151,7 @@ class Run:
             options.seed,
             options.settings,
             relay,
-            options.num_threads,
+            options.make_batch,
         )
         if state is not None:
             self._trainer.restore(_part('trainer', state))
@@ -185,7 +201,7 @@ class Run:
             updates_per_step=own.updates_per_step / 2,  # It is learned with half as many.
         )
         trainer = Trainer(
-            _RELAY_TASK, options.convention, options.seed, settings, None, options.num_threads
+            _RELAY_TASK, options.convention, options.seed, settings, None, options.make_batch
         )
         if state is None:
             while not trainer.is_done:

@@ -1,7 +1,7 @@
 """A task being learned, iteration by iteration, and all that has to be kept to go on later."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent import futures
 
 import jax
@@ -40,14 +40,22 @@ class Trainer:
         seed: int,
         settings: Settings,
         relay: exploration.Relay | None = None,
-        num_threads: int | None = None,
+        make_batch: Callable[..., batch_lib.BatchEnvironment] = batch_lib.BatchEnvironment,
     ) -> None:
-        """Initializes a learner that has learned nothing; the seed decides on all that follows."""
+        """Initializes a learner that has learned nothing; the seed decides on all that follows.
+
+        Args:
+            task: Name of the task.
+            convention: Name of the convention.
+            seed: Decides on all that follows.
+            settings: Its settings.
+            relay: A policy of Reach, if it is to begin exploring episodes.
+            make_batch: Returns what steps the environments, of NumPy's arrays.
+        """
         self.settings = settings
-        self._batch = batch_lib.BatchEnvironment(
+        self._batch = make_batch(
             task,
             settings.num_envs,
-            num_threads,
             convention=convention,
             max_episode_steps=settings.episode_steps,
         )

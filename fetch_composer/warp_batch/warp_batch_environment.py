@@ -1,6 +1,6 @@
 """Many environments of one task, advanced together on an accelerator."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import dm_env
@@ -43,6 +43,7 @@ class WarpBatchEnvironment:
         seed=None,
         nconmax: int | None = None,
         njmax: int | None = None,
+        convert: Callable[[dm_env.TimeStep], Any] | None = None,
         **task_kwargs,
     ) -> None:
         """Initializes the batch.
@@ -55,6 +56,8 @@ class WarpBatchEnvironment:
             seed: As for the method `seed`.
             nconmax: Contacts that there is room for in an environment, on average.
             njmax: Constraints that there is room for in an environment.
+            convert: What every time step is returned through: `as_torch`, `as_jax` or `as_numpy`;
+                None for Warp's own arrays.
             **task_kwargs: Options of the task: `reward_type`, `max_episode_steps`,
                 `terminate_on_success`, `convention`, `object_position` and `goal`.
 
@@ -79,6 +82,7 @@ class WarpBatchEnvironment:
         )
         self._states = states.States(task_made, self._simulation)
         self._watch = faults.Watch(self._simulation.faults)
+        self._convert = convert or (lambda time_step: time_step)
         self._is_closed = False
         self.seed(seed)
 
@@ -265,7 +269,7 @@ class WarpBatchEnvironment:
 
     def _time_step(self) -> dm_env.TimeStep:
         output = self._simulation.output
-        return dm_env.TimeStep(
+        time_step = dm_env.TimeStep(
             step_type=wp.clone(output.step_type),
             reward=wp.clone(output.reward),
             discount=wp.clone(output.discount),
@@ -275,6 +279,7 @@ class WarpBatchEnvironment:
                 'desired_goal': wp.clone(output.desired_goal),
             },
         )
+        return self._convert(time_step)
 
     def single_action_spec(self) -> specs.BoundedArray:
         """Returns the spec of one environment's action, shape (4,)."""
