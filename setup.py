@@ -42,7 +42,7 @@ OGBENCH = ['ogbench>=1.2.2,<1.3']
 LEROBOT = ['lerobot>=0.4.4,<0.5']
 LEARN = ['jax>=0.4.30', 'optax>=0.2.2', *EXPLORE]
 WARP = ['mujoco-warp==3.17.*', 'warp-lang>=1.19']
-DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN]
+DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN, *WARP]
 TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(

@@ -14,7 +14,7 @@ from fetch_composer import tasks
 from fetch_composer.batch import compiling
 from fetch_composer.tasks import action_modes, drive, layout, observation
 from fetch_composer.tasks.starts import Start
-from fetch_composer.warp_batch import device_rules, kernels, structs
+from fetch_composer.warp_batch import device_rules, kernels, physics_model, structs
 
 _NONE = -1  # Of what a task does not have.
 
@@ -62,12 +62,7 @@ class Simulation:
         self.observes_late = not (task.locked_gripper or task.convention.refresh_unlocked)
         model = self.environment.physics.model.ptr
         with wp.ScopedDevice(device):
-            self._model = _put_model(model)
-            self._model.opt.warn_overflow = 0  # `take_faults` tells.
-            # MuJoCo Warp makes constraints from velocities of the substep before, and this is where
-            # they can be brought up to date. Else the gripper would stray from MuJoCo's by 5e-5 m
-            # within 20 control steps, and not by 1e-6, and states would not be all that counts.
-            self._model.callback.contactfilter = mjw.com_vel
+            self._model = physics_model.put(model)
             self.data = mjw.make_data(model, count, nconmax=nconmax, njmax=njmax)
             self._scene = _scene(task, model)
             self._layout = _layout(len(task.scene.objects))
@@ -189,20 +184,6 @@ class Simulation:
         self.episodes.faults.zero_()
         self.data.overflow.zero_()
         return found
-
-
-def _put_model(model: mujoco.MjModel) -> mjw.Model:
-    """Returns a model on the current device, whose boxes touch one another as in MuJoCo.
-
-    MuJoCo Warp has MuJoCo's contacts of two boxes only if its general algorithm is disabled. That
-    has one contact for boxes that are tilted by a few degrees.
-    """
-    flags = model.opt.disableflags
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
-    try:
-        return mjw.put_model(model)
-    finally:
-        model.opt.disableflags = flags
 
 
 def _variables(kind: Any) -> Mapping[str, Any]:

@@ -82,7 +82,8 @@ def test_policies_succeed_as_often_and_objects_end_in_the_same_places(
     observation = as_numpy(batch.reset([])).observation
     ends, successes = _ends(batch, _policies(policy_name, env), observation)
     expected_ends, expected = _ends(native, _policies(policy_name, env), observation)
-    interval = stats.binomtest(int(expected.sum()), _NUM_EPISODES).proportion_ci(method='wilson')
+    native_successes = stats.binomtest(int(expected.sum()), _NUM_EPISODES)
+    interval = native_successes.proportion_ci(confidence_level=0.99, method='wilson')
     print(task_name, convention, policy_name, successes.mean(), 'native', expected.mean())
     assert interval.low <= successes.mean() <= interval.high
     for axis in range(3):
