@@ -1,4 +1,4 @@
-"""Arrays of a device, and the libraries that they cross to without a copy."""
+"""Devices, their arrays, and the libraries that these cross to without a copy."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -37,6 +37,22 @@ def _converted(value: Any, convert: Callable[[wp.array], Any]) -> Any:
     return convert(value)
 
 
+def device(name: str | None) -> wp.Device:
+    """Returns a device of Warp; the first accelerator by default.
+
+    Raises:
+        ValueError: if there is no such device; the message lists those that there are.
+    """
+    wp.init()
+    if name is None:
+        return wp.get_preferred_device()
+    try:
+        return wp.get_device(name)
+    except (ValueError, TypeError, RuntimeError):
+        valid = ', '.join(map(str, wp.get_devices()))
+        raise ValueError(f'Unknown device {checks.shown(name)}; valid are {valid}.') from None
+
+
 def float_array(name: str, value: Any, shape: tuple[int, ...], device: wp.Device) -> wp.array:
     """Returns float32 numbers on a device.
 
@@ -45,10 +61,10 @@ def float_array(name: str, value: Any, shape: tuple[int, ...], device: wp.Device
         value: An array of Warp, PyTorch, JAX or another library with DLPack, or numbers that NumPy
             takes.
         shape: The shape that is needed.
-        device: The device that is needed.
+        device: Where they are needed; what is elsewhere is copied.
 
     Raises:
-        ValueError: if they have another shape, are no floats, or are on another device.
+        ValueError: if they have another shape, or are not of float32 where nothing converts them.
     """
     if not isinstance(value, wp.array):
         is_numpy = isinstance(value, (np.ndarray, list, tuple, np.generic))

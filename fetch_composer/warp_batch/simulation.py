@@ -92,20 +92,20 @@ class Simulation:
 
     def advance(self) -> None:
         """Takes a control step in every environment, or starts its next episode."""
-        if self._device.is_cuda and self._graph is None:
-            self._compile()
-        if self._graph is None:
-            self._control_step()
-        else:
-            wp.capture_launch(self._graph)
+        with wp.ScopedDevice(self._device):  # MuJoCo Warp computes on the current one.
+            if self._device.is_cuda and self._graph is None:
+                self._compile()
+            if self._graph is None:
+                self._control_step()
+            else:
+                wp.capture_launch(self._graph)
 
     def _compile(self) -> None:
         """Captures the control step, all kernels of which have to be compiled before."""
         saved = [wp.clone(array) for array in self._state()]
-        with wp.ScopedDevice(self._device):
+        self._control_step()
+        with wp.ScopedCapture() as capture:
             self._control_step()
-            with wp.ScopedCapture() as capture:
-                self._control_step()
         for array, value in zip(self._state(), saved, strict=True):
             wp.copy(array, value)
         self._graph = capture.graph

@@ -70,7 +70,7 @@ class WarpBatchEnvironment:
             ValueError: if a name, an option or a number is not valid; the message says what is.
         """
         self._num_envs = checks.integer('num_envs', num_envs, 1)
-        self._device = _device(device)
+        self._device = arrays.device(device)
         task_made = tasks.make(task, **task_kwargs)
         self._task_name, self._options = task_made.name, task_made.options
         device_rules.check_options(self._options, tasks.default_options(task))
@@ -87,6 +87,8 @@ class WarpBatchEnvironment:
         )
         self._states = states.States(task_made, self._simulation)
         self._watch = faults.Watch(self._simulation.faults)
+        if not (convert is None or callable(convert)):
+            raise ValueError(f'convert must be a function or None; got {checks.shown(convert)}.')
         self._convert = convert or (lambda time_step: time_step)
         self._is_closed = False
         self.seed(seed)
@@ -337,19 +339,3 @@ class WarpBatchEnvironment:
 
     def __exit__(self, *unused_exception) -> None:
         self.close()
-
-
-def _device(name: str | None) -> wp.Device:
-    """Returns a device of Warp; the first accelerator by default.
-
-    Raises:
-        ValueError: if there is no such device; the message lists those that there are.
-    """
-    wp.init()
-    if name is None:
-        return wp.get_preferred_device()
-    try:
-        return wp.get_device(name)
-    except (ValueError, TypeError, RuntimeError):
-        valid = ', '.join(map(str, wp.get_devices()))
-        raise ValueError(f'Unknown device {checks.shown(name)}; valid are {valid}.') from None
