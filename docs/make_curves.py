@@ -59,9 +59,10 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
 
 def _has_usual_settings(summary: dict, task: str) -> bool:
     """Returns whether a finished run was made as `--task` alone makes it."""
-    usual = dataclasses.asdict(settings.for_task(task))
-    usual['hidden'] = list(usual['hidden'])
-    return summary.get('settings') == usual
+    # What a run did not know of yet had the default value.
+    made = {**dataclasses.asdict(settings.Settings()), **summary['settings']}
+    made['hidden'] = tuple(made['hidden'])
+    return made == dataclasses.asdict(settings.for_task(task))
 
 
 def keep(run: pathlib.Path, name: str) -> None:
