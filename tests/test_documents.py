@@ -25,6 +25,7 @@ _PAGES = (*_WITH_CODE, _ROOT / 'CHANGELOG.md', _ROOT / 'benchmarks' / 'README.md
 
 # (page, what is in the code): why it is not run here.
 _NOT_RUN = {
+    ('accelerator.md', 'WarpBatchEnvironment'): 'needs an accelerator; tests/accelerator tests it',
     ('new_task.md', "register('push_through_gate')"): 'tests/test_new_task.py runs it',
     ('clients.md', 'from stable_baselines3'): 'needs Stable-Baselines3, and torch',
     ('clients.md', 'SB3VecEnv'): 'needs Stable-Baselines3, and torch',
