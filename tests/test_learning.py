@@ -170,7 +170,12 @@ def test_a_run_that_is_stopped_continues_as_if_it_had_not_been(tmp_path, pushed)
 
 def test_after_a_kill_the_same_command_goes_on_and_ends_with_a_report(tmp_path):
     flags = [f'--set={name}={_text(value)}' for name, value in _TINY.items()]
-    flags = [*flags, '--set=environment_steps=10000000', f'--output_dir={tmp_path}', '--task=reach']
+    flags += [
+        '--set=environment_steps=10000000',
+        '--set=num_envs=64',
+        '--set=updates_per_step=0.02',
+    ]
+    flags += [f'--output_dir={tmp_path}', '--task=reach']
     command = [sys.executable, '-m', 'fetch_composer.learning', *flags]
     options = {'cwd': _ROOT, 'env': {**os.environ, 'OMP_NUM_THREADS': '1'}}
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, **options)
