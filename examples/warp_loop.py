@@ -60,12 +60,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--task', default='push', help='reach, push, slide or pick_and_place')
     parser.add_argument('--num_envs', type=int, default=4096)
-    parser.add_argument('--episodes', type=int, default=2, help='of each environment')
     options = parser.parse_args()
     network = as_function(TRAINED / f'{options.task}_documented.onnx')
     with WarpBatchEnvironment(options.task, options.num_envs, seed=0) as batch:
         print(f'{options.num_envs} environments on {batch.device}, actions on {jax.devices()[0]}')
-        for _ in range(options.episodes):
+        for _ in range(2):  # The first compiles.
             start, observed = time.perf_counter(), as_jax(batch.reset()).observation
             for _ in range(50):
                 action = network(observed['observation'], observed['desired_goal'])
