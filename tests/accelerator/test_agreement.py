@@ -82,10 +82,11 @@ def test_policies_succeed_as_often_and_objects_end_in_the_same_places(
     observation = as_numpy(batch.reset([])).observation
     ends, successes = _ends(batch, _policies(policy_name, env), observation)
     expected_ends, expected = _ends(native, _policies(policy_name, env), observation)
-    native_successes = stats.binomtest(int(expected.sum()), _NUM_EPISODES)
-    interval = native_successes.proportion_ci(confidence_level=0.99, method='wilson')
     print(task_name, convention, policy_name, successes.mean(), 'native', expected.mean())
-    assert interval.low <= successes.mean() <= interval.high
+    counts = [(int(each.sum()), int((~each).sum())) for each in (successes, expected)]
+    assert stats.fisher_exact(counts).pvalue > 0.01
+    if task_name != 'slide':  # Where a puck glides to hangs on the last digit, in MuJoCo too.
+        assert np.median(np.abs(ends - expected_ends).max(axis=1)) < 1e-3
     for axis in range(3):
         one, other = (each[:, axis].astype(float).round(5) for each in (ends, expected_ends))
         assert stats.ks_2samp(one, other).pvalue > 1e-3, axis
