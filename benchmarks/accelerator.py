@@ -18,8 +18,10 @@ import numpy as np
 import warp as wp
 
 from benchmarks import markdown
+from fetch_composer import tasks
 from fetch_composer.batch import BatchEnvironment
 from fetch_composer.batch.simulations import num_processors
+from fetch_composer.tasks import conventions
 from fetch_composer.warp_batch import WarpBatchEnvironment
 
 _MARKER = 'accelerator table: made by python -m benchmarks.accelerator'
@@ -34,15 +36,15 @@ _HEADER = (
 )
 _ROUNDS, _STEPS = 5, 20
 _NUM_ACTIONS = 8
-_TASKS = ('push', 'pick_and_place', 'slide', 'reach')
-_CONVENTIONS = ('documented', 'gymnasium_robotics')
+_TASKS = tasks.published()
+_CONVENTIONS = tuple(conventions.CONVENTIONS)
 
 
 def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='python -m benchmarks.accelerator', description=__doc__)
     parser.add_argument('--device', help='a device of Warp; the first accelerator by default')
     parser.add_argument('--num_envs', type=int, nargs='+', default=[256, 1024, 4096, 16384])
-    parser.add_argument('--tasks', nargs='+', choices=_TASKS, default=list(_TASKS[:1]))
+    parser.add_argument('--tasks', nargs='+', choices=_TASKS, default=['push'])
     parser.add_argument(
         '--conventions', nargs='+', choices=_CONVENTIONS, default=list(_CONVENTIONS)
     )
@@ -117,28 +119,26 @@ def _measure(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 for num_envs in sizes:
                     row = {'task': task, 'convention': convention, 'num_envs': num_envs}
                     row |= measure(task, convention, num_envs, options)
-                    print(_line(row), flush=True)
+                    print(' | '.join(_cells(row)), flush=True)
                     yield row
 
 
-def _line(row: dict[str, Any]) -> str:
-    memory = '' if row['memory'] is None else f'{row["memory"] / 2**30:.2f} GiB'
-    return ' | '.join(
-        (
-            row['task'],
-            row['convention'],
-            row['batch'],
-            f'{row["num_envs"]:,}',
-            f'{row["steps_per_second"]:,.0f}',
-            memory,
-            f'{row["first_step"]:.1f} s',
-        )
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    """Returns a row of the table."""
+    return (
+        row['task'],
+        row['convention'],
+        row['batch'],
+        f'{row["num_envs"]:,}',
+        f'{row["steps_per_second"]:,.0f}',
+        '' if row['memory'] is None else f'{row["memory"] / 2**30:.2f} GiB',
+        f'{row["first_step"]:.1f} s',
     )
 
 
 def page(measured: dict[str, Any]) -> str:
     """Returns the table, and what it was measured with."""
-    table = markdown.table(_HEADER, [_line(row).split(' | ') for row in measured['rows']])
+    table = markdown.table(_HEADER, [_cells(row) for row in measured['rows']])
     return f'{table}\n\nMeasured on {measured["machine"]}.'
 
 

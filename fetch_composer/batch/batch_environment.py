@@ -11,12 +11,13 @@ from dm_env import specs
 from fetch_composer import tasks
 from fetch_composer.batch import compiling, simulations
 from fetch_composer.batch.episodes import BatchEpisodes
+from fetch_composer.batch.face import BatchFace
 from fetch_composer.batch.pictures import BatchPictures
 from fetch_composer.tasks import checks, rewards, seeding, starts
 from fetch_composer.tasks.state import State
 
 
-class BatchEnvironment:
+class BatchEnvironment(BatchFace):
     """`num_envs` environments whose time steps are arrays of shape (num_envs, ...).
 
     Environment i of a batch seeded with s is the single environment seeded with s + i: same
@@ -66,7 +67,6 @@ class BatchEnvironment:
             self._pictures = BatchPictures(task, task_kwargs, self._num_envs)
             task_made = tasks.make(task, **{**task_kwargs, 'observation_mode': 'features'})
         self._compiled = compiling.compiled(task_made)
-        self._is_closed = False
         self._starts, self._num_goals = task_made.starts, task_made.scene.num_goals
         self._episodes = BatchEpisodes(self._num_envs, task_made)
         self._simulations: simulations.Simulations
@@ -79,29 +79,9 @@ class BatchEnvironment:
         self.seed(seed)
 
     @property
-    def num_envs(self) -> int:
-        """How many environments there are."""
-        return self._num_envs
-
-    @property
     def num_threads(self) -> int:
         """How many threads share the environments."""
         return self._num_threads
-
-    @property
-    def task_name(self) -> str:
-        """Name of the task."""
-        return self._task_name
-
-    @property
-    def options(self) -> tasks.TaskOptions:
-        """The options of the task."""
-        return self._options
-
-    @property
-    def convention(self) -> str:
-        """Name of the convention."""
-        return self._options.convention
 
     @property
     def steps_taken(self) -> np.ndarray:
@@ -291,15 +271,6 @@ class BatchEnvironment:
             spec.update(self._pictures.spec())
         return spec
 
-    def action_spec(self) -> specs.BoundedArray:
-        """Returns the spec of `step`'s argument, shape (num_envs, 4) by default."""
-        return self._batched(self.single_action_spec())
-
-    def observation_spec(self) -> dict[str, specs.Array]:
-        """Returns the specs of a time step's observations."""
-        single = self.single_observation_spec()
-        return {name: self._batched(spec) for name, spec in single.items()}
-
     def reward_spec(self) -> specs.Array:
         """Returns the spec of a time step's reward, shape (num_envs,)."""
         return self._batched(self._compiled.reward_spec())
@@ -307,9 +278,6 @@ class BatchEnvironment:
     def discount_spec(self) -> specs.Array:
         """Returns the spec of a time step's discount, shape (num_envs,)."""
         return self._batched(self._compiled.discount_spec())
-
-    def _batched(self, spec: specs.Array) -> specs.Array:
-        return spec.replace(shape=(self._num_envs, *spec.shape))
 
     def close(self) -> None:
         """Frees the simulations; closing twice does no harm, and nothing else works afterwards."""
@@ -319,19 +287,3 @@ class BatchEnvironment:
                 self._pictures.close()
             del self._simulations
             self._is_closed = True
-
-    def _check_open(self) -> None:
-        if self._is_closed:
-            raise RuntimeError('This batch is closed; make another.')
-
-    def __reduce_ex__(self, protocol):
-        raise TypeError(
-            'A batch holds live simulations and cannot be copied or pickled: make another one in '
-            'its place, with the same arguments and seed.'
-        )
-
-    def __enter__(self) -> 'BatchEnvironment':
-        return self
-
-    def __exit__(self, *unused_exception) -> None:
-        self.close()

@@ -21,12 +21,7 @@ class OffsetBeyond(variation.Variation):
     """
 
     def __init__(self, centre: npt.ArrayLike, half_range: float, clearance: float) -> None:
-        """Initializes the sampler.
-
-        Args:
-            centre: (2,) x and y of the centre in m.
-            half_range: Each offset is uniform in [-half_range, half_range] m.
-            clearance: Offsets shorter than this many m are drawn again.
+        """Initializes the sampler; its arguments are its attributes.
 
         Raises:
             ValueError: if no offset in range is as long as the clearance.
@@ -73,15 +68,7 @@ class GoalAround(variation.Variation):
         air_probability: float = 0.0,
         air_height: float = 0.0,
     ) -> None:
-        """Initializes the sampler.
-
-        Args:
-            centre: (3,) centre in m.
-            half_range: Each offset is uniform in [-half_range, half_range] m.
-            height: z of the goal in m; if None, z is sampled like x and y.
-            air_probability: Probability that the goal is lifted off `height`.
-            air_height: A lifted goal is up to this many m above `height`.
-        """
+        """Initializes the sampler; its arguments are its attributes."""
         self.centre = np.array(centre, dtype=np.float64)
         self.half_range = half_range
         self.height = height

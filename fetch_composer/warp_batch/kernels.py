@@ -1,5 +1,6 @@
 """What runs on the device beside the physics, a thread for each environment."""
 
+import dm_env
 import warp as wp
 
 from fetch_composer.warp_batch import philox
@@ -17,7 +18,7 @@ from fetch_composer.warp_batch.structs import (
 ACTION_FAULT = 1
 DIVERGED = 2
 
-FIRST, MID, LAST = 0, 1, 2  # As dm_env.StepType has them.
+FIRST, MID, LAST = map(int, dm_env.StepType)
 
 _LARGEST = wp.constant(1e10)  # What MuJoCo takes for a divergence.
 _SINGULAR_COSINE = wp.constant(4.0 * 2.0**-23)  # As the native observers', of this precision.

@@ -111,11 +111,9 @@ class States:
         placed = np.zeros(len(arrays['is_over']), dtype=bool)
         placed[ids] = True
         self._simulation.observe_placed(placed)
-        if self._simulation.observes_late:
-            current = {name: self._arrays[name].numpy().copy() for name in _POSE}
+        if self._simulation.observes_late:  # Else they follow from the physics.
             for name, values in poses.items():
-                current[name][ids] = values[ids]
-                self._arrays[name].assign(current[name])
+                self._arrays[name].assign(values)
 
     def _set_episode(self, row: Mapping[str, np.ndarray], state: State) -> None:
         """Writes all but the physics to views of a row of each array."""

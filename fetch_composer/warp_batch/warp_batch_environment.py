@@ -9,6 +9,7 @@ import warp as wp
 from dm_env import specs
 
 from fetch_composer import tasks
+from fetch_composer.batch.face import BatchFace
 from fetch_composer.tasks import checks, seeding
 from fetch_composer.tasks.state import State
 from fetch_composer.warp_batch import arrays, device_rules, faults, states
@@ -25,7 +26,7 @@ _CAPACITIES = {
 }
 
 
-class WarpBatchEnvironment:
+class WarpBatchEnvironment(BatchFace):
     """`num_envs` environments on one device, whose time steps are arrays of that device.
 
     It is used as a `BatchEnvironment` is, and its time steps have the same names and shapes, of
@@ -70,6 +71,8 @@ class WarpBatchEnvironment:
             ValueError: if a name, an option or a number is not valid; the message says what is.
         """
         self._num_envs = checks.integer('num_envs', num_envs, 1)
+        if not (convert is None or callable(convert)):
+            raise ValueError(f'convert must be a function or None; got {checks.shown(convert)}.')
         self._device = arrays.device(device)
         task_made = tasks.make(task, **task_kwargs)
         self._task_name, self._options = task_made.name, task_made.options
@@ -87,36 +90,13 @@ class WarpBatchEnvironment:
         )
         self._states = states.States(task_made, self._simulation)
         self._watch = faults.Watch(self._simulation.faults)
-        if not (convert is None or callable(convert)):
-            raise ValueError(f'convert must be a function or None; got {checks.shown(convert)}.')
         self._convert = convert or (lambda time_step: time_step)
-        self._is_closed = False
         self.seed(seed)
-
-    @property
-    def num_envs(self) -> int:
-        """How many environments there are."""
-        return self._num_envs
 
     @property
     def device(self) -> str:
         """Name of the device, as Warp has it."""
         return str(self._device)
-
-    @property
-    def task_name(self) -> str:
-        """Name of the task."""
-        return self._task_name
-
-    @property
-    def options(self) -> tasks.TaskOptions:
-        """The options of the task."""
-        return self._options
-
-    @property
-    def convention(self) -> str:
-        """Name of the convention."""
-        return self._options.convention
 
     @property
     def steps_taken(self) -> wp.array:
@@ -297,15 +277,6 @@ class WarpBatchEnvironment:
         single = self._simulation.environment.observation_spec()
         return {name: spec.replace(dtype=np.float32) for name, spec in single.items()}
 
-    def action_spec(self) -> specs.BoundedArray:
-        """Returns the spec of `step`'s argument, shape (num_envs, 4)."""
-        return self._batched(self.single_action_spec())
-
-    def observation_spec(self) -> dict[str, specs.Array]:
-        """Returns the specs of a time step's observations."""
-        single = self.single_observation_spec()
-        return {name: self._batched(spec) for name, spec in single.items()}
-
     def reward_spec(self) -> specs.Array:
         """Returns the spec of a time step's reward, shape (num_envs,)."""
         return self._batched(self._simulation.environment.reward_spec().replace(dtype=np.float32))
@@ -314,28 +285,9 @@ class WarpBatchEnvironment:
         """Returns the spec of a time step's discount, shape (num_envs,)."""
         return self._batched(self._simulation.environment.discount_spec().replace(dtype=np.float32))
 
-    def _batched(self, spec: specs.Array) -> specs.Array:
-        return spec.replace(shape=(self._num_envs, *spec.shape))
-
     def close(self) -> None:
         """Frees the simulation; closing twice does no harm, and nothing else works afterwards."""
         if not self._is_closed:
             self._simulation.environment.close()
             del self._simulation, self._states, self._watch
             self._is_closed = True
-
-    def _check_open(self) -> None:
-        if self._is_closed:
-            raise RuntimeError('This batch is closed; make another.')
-
-    def __reduce_ex__(self, protocol):
-        raise TypeError(
-            'A batch holds live simulations and cannot be copied or pickled: make another one in '
-            'its place, with the same arguments and seed.'
-        )
-
-    def __enter__(self) -> 'WarpBatchEnvironment':
-        return self
-
-    def __exit__(self, *unused_exception) -> None:
-        self.close()

@@ -384,7 +384,7 @@ def test_too_little_room_is_an_error_that_names_what_to_raise(make, name):
         batch.check()
 
 
-def test_there_is_room_for_what_experts_and_random_actions_need(make, task_name, convention):
+def test_there_is_room_for_what_random_actions_need(make, task_name, convention):
     batch = make(task_name, 20, seed=0, convention=convention)
     batch.reset()
     for actions in episodes.uniform_actions(50, batch_shape=(20,)):
