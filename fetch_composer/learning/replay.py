@@ -39,8 +39,9 @@ class Transitions(NamedTuple):
         observation: (..., size) before the action.
         action: (..., 4)
         goal: (..., goal_size) the goal that the reward is about.
-        reward: (...,) after the action.
-        next_observation: (..., size)
+        reward: (...,) the sum, discounted, of the rewards after this action and some that follow.
+        next_observation: (..., size) after the last of them.
+        discount: (...,) of what comes after that.
     """
 
     observation: np.ndarray
@@ -48,6 +49,7 @@ class Transitions(NamedTuple):
     goal: np.ndarray
     reward: np.ndarray
     next_observation: np.ndarray
+    discount: np.ndarray
 
 
 class HindsightReplay:
@@ -110,13 +112,20 @@ class HindsightReplay:
         achieved_later = networks.achieved_goal(observations[episode, later])
         goal = np.where(in_hindsight[:, None], achieved_later, goals[episode])
 
-        reached = networks.achieved_goal(observations[episode, time + 1])
+        length = np.minimum(settings.return_steps, steps - time)
+        reward = np.zeros(count, np.float32)
+        for k in range(settings.return_steps):
+            after = np.minimum(time + k + 1, steps)
+            reached = networks.achieved_goal(observations[episode, after])
+            kth = settings.discount**k * rewards.compute_reward(reached, goal)
+            reward += np.where(k < length, kth, 0).astype(np.float32)
         drawn = Transitions(
             observation=observations[episode, time],
             action=actions[episode, time],
             goal=goal,
-            reward=rewards.compute_reward(reached, goal).astype(np.float32),
-            next_observation=observations[episode, time + 1],
+            reward=reward,
+            next_observation=observations[episode, time + length],
+            discount=(settings.discount**length).astype(np.float32),
         )
         return Transitions(*(each.reshape(*shape, *each.shape[1:]) for each in drawn))
 

@@ -13,7 +13,7 @@ TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, see
 
 _SHARES = (
     'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',
-    'final_noise', 'noise_falls_until', 'relay_share',
+    'final_noise', 'noise_falls_until', 'relay_share', 'shove_share',
 )  # fmt: skip
 
 
@@ -32,6 +32,7 @@ class Settings:
         learning_rate: Step size of Adam.
         final_learning_rate: What it falls to, in a straight line, over the second half of a run.
         discount: Weight of a reward one control step later.
+        return_steps: Rewards that are summed before the critics' estimate of those that follow.
         target_rate: Share by which target networks approach the networks in an update.
         actor_delay: Updates of the critics for each one of the actor.
         action_cost: Weight of the mean squared action in the actor's loss.
@@ -46,13 +47,15 @@ class Settings:
         noise_falls_until: Part of a run at the end of which it has fallen so far, in a straight
             line from half of that part on.
         relay_share: Share of exploring episodes that begin by reaching for the object.
+        shove_share: Share of relays that end in a shove: one action, towards the object, for some
+            steps.
         relay_steps: Control steps for which Reach is learned before, for the relay.
         relay_spread: They reach for a place up to this many m beside it.
         evaluate_every: Iterations from one point of the curve to the next.
         evaluation_episodes: Episodes of a point of the curve.
     """
 
-    environment_steps: int = 400_000
+    environment_steps: int = 320_000
     episode_steps: int = 50
     num_envs: int = 64
     random_iterations: int = 8
@@ -62,6 +65,7 @@ class Settings:
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4
     discount: float = 0.96
+    return_steps: int = 1
     target_rate: float = 0.01
     actor_delay: int = 2
     action_cost: float = 0.05
@@ -74,6 +78,7 @@ class Settings:
     final_noise: float = 1.0
     noise_falls_until: float = 1.0
     relay_share: float = 0.5
+    shove_share: float = 0.6
     relay_steps: int = 16_000
     relay_spread: float = 0.06
     evaluate_every: int = 5
@@ -127,13 +132,14 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     'stack': {'environment_steps': 1_000_000, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # The puck glides for most of an episode, and what it does then was decided long before: later
-    # rewards weigh more. Noise spoils a hit, and so some environments soon have little. Fewer
-    # updates of larger networks are worth more here.
+    # rewards weigh more, and several are summed. Noise spoils a hit, and so some environments soon
+    # have little. Fewer updates of larger networks are worth more here.
     'slide': {
-        'environment_steps': 1_440_000,
+        'environment_steps': 1_280_000,
         'updates_per_step': 0.25,
         'hidden': (256, 256),
         'discount': 0.97,
+        'return_steps': 4,
         'final_noise': 0.0,
         'noise_falls_until': 0.1,
         'evaluate_every': 20,

@@ -103,7 +103,7 @@ def _update_critics(
     next_values = [networks.value(each, next_x, next_action) for each in learner.target_critics]
     expected = functools.reduce(jnp.minimum, next_values)
     # With rewards of -1 and 0 no return lies outside.
-    target = jnp.clip(batch.reward + settings.discount * expected, -1 / (1 - settings.discount), 0)
+    target = jnp.clip(batch.reward + batch.discount * expected, -1 / (1 - settings.discount), 0)
 
     def loss(critics: list[networks.Network]) -> jax.Array:
         errors = [networks.value(each, x, batch.action) - target for each in critics]

@@ -14,8 +14,9 @@ from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.folder_lock import FolderLock
 from fetch_composer.explorer.results import statistics
-from fetch_composer.learning import checkpoint, curve, exploration, networks
+from fetch_composer.learning import checkpoint, curve, networks
 from fetch_composer.learning import settings as settings_lib
+from fetch_composer.learning.relay import Relay
 from fetch_composer.learning.trainer import DivergedError, Trainer, flatten, unflatten
 from fetch_composer.tasks import checks, conventions
 
@@ -190,7 +191,7 @@ class Run:
         limit = self._options.minutes
         return limit is not None and self._clock.minutes()[0] >= limit
 
-    def _relay(self, state: Mapping[str, np.ndarray] | None) -> exploration.Relay:
+    def _relay(self, state: Mapping[str, np.ndarray] | None) -> Relay:
         """Returns the policy of Reach: from the checkpoint, or learned now."""
         options, own = self._options, self._options.settings
         settings = dataclasses.replace(
@@ -217,7 +218,7 @@ class Run:
             'relay_start': start,
             'relay_counts': self._relay_counts,
         }
-        return exploration.Relay(policy, start)
+        return Relay(policy, start)
 
     def _add_point(self) -> None:
         trainer = self._trainer

@@ -10,6 +10,7 @@ import numpy as np
 
 from fetch_composer import batch as batch_lib
 from fetch_composer.learning import exploration, networks, replay, rollout, td3
+from fetch_composer.learning.relay import Relay
 from fetch_composer.learning.replay import Episodes
 from fetch_composer.learning.settings import TRAINING_SEEDS, TUNING_SEEDS, Settings
 
@@ -39,7 +40,7 @@ class Trainer:
         convention: str,
         seed: int,
         settings: Settings,
-        relay: exploration.Relay | None = None,
+        relay: Relay | None = None,
         make_batch: Callable[..., batch_lib.BatchEnvironment] = batch_lib.BatchEnvironment,
     ) -> None:
         """Initializes a learner that has learned nothing; the seed decides on all that follows.

@@ -1,0 +1,130 @@
+"""Exploring with one's own policy of Reach: it goes to the object, and may end in a shove.
+
+It shortens what is the longest part at first: until the object is touched by accident, and then
+until it is moved any further than an accident moves it.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from fetch_composer.learning import networks
+from fetch_composer.learning.settings import Settings
+from fetch_composer.tasks import layout
+
+# A relay ends where it was going to, or after some steps, drawn anew for each episode.
+_ARRIVED = 0.015  # m
+_STEPS = (3, 30)
+_HEIGHTS = (-0.01, 0.03)  # m from the object's centre to the place that it goes to.
+_NOISE = (0.0, 0.1, 0.3)
+
+# A shove is one action along the table and towards the object, for some steps. Noise of single
+# steps pushes to and fro; this pushes far, or hits hard.
+_STEPS_BEFORE_SHOVE = 12
+_STEPS_OF_SHOVE = (1, 6)
+_STRENGTHS = (0.0, 1.3)  # Of the larger component; above 1 it is cut off: full strength is common.
+_AIM = 0.01  # m, the standard deviation of where it aims.
+# Half of those with a shove begin later, where the policy has brought the object by then.
+_LATER_STEPS = 30
+_LATER_SHARE = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Relay:
+    """One's own policy of Reach, learned at the beginning of the same run.
+
+    Attributes:
+        policy: What was learned of Reach.
+        start: (2,) x and y in m at which the gripper starts in Reach. Other tasks have their
+            robot elsewhere: places are moved by the difference.
+    """
+
+    policy: networks.Policy
+    start: np.ndarray
+
+
+class Relays:
+    """The relays of one episode in each environment."""
+
+    def __init__(
+        self,
+        relay: Relay,
+        settings: Settings,
+        generator: np.random.Generator,
+        observation: np.ndarray,
+    ) -> None:
+        """Draws which episodes have a relay, and where it goes.
+
+        Args:
+            relay: The policy of Reach.
+            settings: How many episodes have one.
+            generator: Draws all that is random.
+            observation: (num_envs, size) the first of each environment.
+        """
+        self._relay = relay
+        self._generator = draw = generator
+        count = len(observation)
+        beside = draw.uniform(-settings.relay_spread, settings.relay_spread, (count, 2))
+        self._offset = np.column_stack([beside, draw.uniform(*_HEIGHTS, count)])
+        self._shift = np.zeros((count, 3))
+        self._shift[:, :2] = relay.start - observation[:, :2]
+        self._noise = draw.choice(_NOISE, (count, 1))
+        steps = draw.integers(*_STEPS, count)
+        self._is_due = draw.random(count) < settings.relay_share
+
+        self._shoves = self._is_due & (draw.random(count) < settings.shove_share)
+        later = draw.integers(_LATER_STEPS, size=count) * (draw.random(count) < _LATER_SHARE)
+        self._steps_before = np.where(self._shoves, later, 0)
+        self._steps_left = np.where(self._shoves, _STEPS_BEFORE_SHOVE, steps)
+        self._shove_steps_left = np.zeros(count, int)
+        self._shove_steps = draw.integers(*_STEPS_OF_SHOVE, count)
+        self._strength = draw.uniform(*_STRENGTHS, (count, 1))
+        self._shove = np.zeros((count, networks.ACTION_SIZE))
+
+        layouts = layout.of_size(observation.shape[-1])
+        at = layouts[0]
+        # What Reach observes of the gripper.
+        self._of_gripper = np.r_[
+            at.grip_position, at.fingers, at.grip_velocity, at.finger_velocities
+        ]
+        starts = np.array([each.object_position.start for each in layouts])
+        which = draw.integers(len(starts), size=count)
+        self._of_object = starts[which][:, None] + np.arange(3)
+
+    def act(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
+        """Returns (num_envs, 4) actions: those given, or a relay's where one is under way."""
+        objects = np.take_along_axis(observation, self._of_object, axis=1)
+        place = objects + self._offset
+        way = np.linalg.norm(place - observation[:, :3], axis=1)
+        reaches = self._is_due & (self._steps_before <= 0)
+        self._steps_before -= 1
+        arrives = reaches & ((self._steps_left <= 0) | (way <= _ARRIVED))
+        self._steps_left -= reaches
+        self._is_due &= ~arrives
+        action = self._act_shove(action, arrives & self._shoves, objects - observation[:, :3])
+        reaches &= ~arrives
+        if not reaches.any():
+            return action
+        seen = observation[:, self._of_gripper]
+        seen[:, :3] += self._shift
+        reaching = self._relay.policy.act(seen, (place + self._shift).astype(np.float32))
+        reaching = reaching + self._noise * self._generator.standard_normal(reaching.shape)
+        reaching[:, 3] = action[:, 3]  # Reach has no use for the fingers, and knows none.
+        return np.where(reaches[:, None], reaching, action)
+
+    def _act_shove(self, action: np.ndarray, begins: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Returns the actions given, or those of shoves.
+
+        Args:
+            action: (num_envs, 4) what is done elsewhere.
+            begins: (num_envs,) where a shove begins now.
+            way: (num_envs, 3) in m from the gripper to the object.
+        """
+        if begins.any():
+            aim = way[:, :2] + _AIM * self._generator.standard_normal((len(way), 2))
+            aim = aim / np.abs(aim).max(axis=1, keepdims=True)
+            self._shove[begins, :2] = np.clip(aim * self._strength, -1, 1)[begins]
+            self._shove_steps_left[begins] = self._shove_steps[begins]
+        is_shoving = self._shove_steps_left > 0
+        self._shove_steps_left -= is_shoving
+        return np.where(is_shoving[:, None], self._shove, action)
