@@ -48,6 +48,23 @@ def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():
         assert (later == goal).all(-1).any()
 
 
+def test_a_return_of_several_steps_sums_their_rewards_up_to_the_end_of_the_episode():
+    episodes = _episodes()
+    buffer = _buffer(episodes, return_steps=4, discount=0.9)
+    drawn = buffer.sample(np.random.default_rng(1), (400,))
+    seen_at_the_end = 0
+    for i in range(400):
+        (episode,), (time,) = np.nonzero((episodes.observations == drawn.observation[i]).all(-1))
+        after = episodes.observations[episode, time + 1 : time + 5]
+        achieved = fetch_composer.compute_reward(after[:, 3:6], drawn.goal[i])
+        expected = sum(0.9**k * reward for k, reward in enumerate(achieved))
+        assert drawn.reward[i] == pytest.approx(expected, abs=1e-6)
+        assert drawn.discount[i] == pytest.approx(0.9 ** len(after), abs=1e-6)
+        np.testing.assert_array_equal(drawn.next_observation[i], after[-1])
+        seen_at_the_end += len(after) < 4
+    assert seen_at_the_end > 0
+
+
 def test_without_hindsight_goals_are_the_episodes_own():
     episodes = _episodes()
     drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))

@@ -1,0 +1,88 @@
+"""What relays do while learning: they bring the gripper to the object, and shove it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+for _package in ('jax', 'optax'):
+    pytest.importorskip(_package, reason="needs pip install 'fetch_composer[learn]'")
+
+from fetch_composer import BatchEnvironment  # noqa: E402
+from fetch_composer.learning import exploration, relay, rollout, settings  # noqa: E402
+
+_NUM_ENVS = 32
+
+
+class _StraightToTheGoal:
+    """A policy of Reach that needs not be learned."""
+
+    def act(self, observation, goal):
+        way = np.clip((goal - observation[:, :3]) / 0.05, -1, 1)
+        return np.column_stack([way, np.zeros(len(way))])
+
+
+class _DoNothing:
+    def act(self, observation, goal):
+        return np.zeros((len(observation), 4), np.float32)
+
+
+def _explore(task, convention, **changes):
+    """Returns an exploring episode of each environment, by a policy that does nothing itself."""
+    quiet = {'noise': 0.0, 'uniform_share': 0.0}
+    chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
+    reaching = relay.Relay(_StraightToTheGoal(), np.zeros(2))
+    explorer = exploration.Explorer(chosen, np.random.default_rng(0), reaching)
+    batch = BatchEnvironment(task, _NUM_ENVS, convention=convention)
+    try:
+        return rollout.run_episodes(
+            batch,
+            range(_NUM_ENVS),
+            50,
+            lambda observation, goal: explorer.act(_DoNothing(), observation, goal),
+            explorer.begin,
+        )
+    finally:
+        batch.close()
+
+
+def _ways_of_object(episodes):
+    """Returns how far each object came along the table in m."""
+    way = episodes.observations[:, -1, 3:5] - episodes.observations[:, 0, 3:5]
+    return np.linalg.norm(way, axis=-1)
+
+
+@pytest.mark.parametrize('convention', ['documented', 'gymnasium_robotics'])
+@pytest.mark.parametrize('task', ['push', 'slide', 'pick_and_place'])
+def test_relays_reach_the_object(task, convention):
+    episodes = _explore(task, convention, relay_share=1.0, shove_share=0.0)
+    gripper, thing = episodes.observations[..., :3], episodes.observations[..., 3:6]
+    nearest = np.linalg.norm(gripper - thing, axis=-1).min(axis=1)
+    assert np.mean(nearest < 0.1) > 0.8
+
+
+@pytest.mark.parametrize('convention', ['documented', 'gymnasium_robotics'])
+@pytest.mark.parametrize('task', ['push', 'slide'])
+def test_shoves_move_the_object_far(task, convention):
+    without, with_shoves = (
+        _ways_of_object(_explore(task, convention, relay_share=1.0, shove_share=share))
+        for share in (0.0, 1.0)
+    )
+    assert np.mean(with_shoves > 0.1) > np.mean(without > 0.1) + 0.15
+
+
+def test_without_relays_the_policy_acts_alone():
+    assert not _explore('push', 'documented', relay_share=0.0).actions.any()
+
+
+def test_a_shove_is_one_action_along_the_table_for_some_steps():
+    episodes = _explore('push', 'documented', relay_share=1.0, shove_share=1.0)
+    lengths = []
+    for actions in episodes.actions:
+        # The relay goes up or down as well; what follows a shove is to do nothing.
+        (at,) = np.nonzero((actions[:, 2] == 0) & actions[:, :2].any(axis=1))
+        lengths.append(len(at))
+        assert (actions[at] == actions[at[:1]]).all()
+        assert np.abs(actions[at]).max(initial=0) <= 1
+    assert set(lengths) <= {0, 1, 2, 3, 4, 5}
+    assert np.mean(np.array(lengths) > 0) > 0.8
