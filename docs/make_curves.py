@@ -58,10 +58,10 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
 
 
 def _has_usual_settings(summary: dict, task: str) -> bool:
-    """Returns whether a finished run was made as `--task` alone makes it."""
-    # What a run did not know of yet had the default value.
-    made = {**dataclasses.asdict(settings.Settings()), **summary['settings']}
-    made['hidden'] = tuple(made['hidden'])
+    """Returns whether a run is finished, and was made as `--task` alone makes it."""
+    if not summary:
+        return False
+    made = {**summary['settings'], 'hidden': tuple(summary['settings']['hidden'])}
     return made == dataclasses.asdict(settings.for_task(task))
 
 

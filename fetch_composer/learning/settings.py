@@ -125,6 +125,7 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'random_iterations': 2,
         'moved_share': 0.0,
         'relay_share': 0.0,
+        'shove_share': 0.0,
         'evaluate_every': 2,
     },
     'push': {},
