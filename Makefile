@@ -83,7 +83,7 @@ build: $(VENV)/.build  ## Build wheel and sdist, and load the task from each in 
 	  echo "$$package works"; \
 	done
 
-bench: $(VENV)/.test peers  ## Measure speed beside Gymnasium-Robotics and EnvPool; about ten minutes.
+bench: $(VENV)/.bench peers  ## Measure speed beside Gymnasium-Robotics and EnvPool; about ten minutes.
 	$(BIN)/python -m benchmarks $(PEERS) --write docs/speed.md README.md $(BENCH_OPTIONS)
 
 SOAK_OPTIONS ?=
@@ -129,6 +129,10 @@ $(VENV)/.docs: $(BIN)/python setup.py
 
 $(VENV)/.test: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[test]'
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.test
+	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[ray]'
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
