@@ -4,8 +4,8 @@ pip install -e '.[sb3]'
 python examples/sb3_her.py
 python examples/sb3_her.py --env fetch_composer/FetchPush-v2 --steps 500000
 
-What it takes: an update for every two control steps, and inputs that are normalised, since all of
-them are within centimetres.
+What it takes: an update for every two control steps; inputs that are normalised, since all of them
+are within centimetres; layers that are normalised; and large noise on some of the actions.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import torch
 from matplotlib import pyplot as plt
 from stable_baselines3 import TD3, HerReplayBuffer
 from stable_baselines3.common import env_checker
-from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fetch_composer.explorer.episodes import seeds
@@ -30,9 +30,30 @@ parser.add_argument('--steps', type=int, default=32_000, help='environment steps
 parser.add_argument('--num_envs', type=int, default=64, help='environments in the batch')
 parser.add_argument('--gradient_steps', type=int, default=32, help='per step of the batch')
 parser.add_argument('--evaluations', type=int, default=10, help='points of the learning curve')
-parser.add_argument('--noise', type=float, default=0.3, help='of actions while exploring')
+parser.add_argument('--noise', type=float, default=0.2, help='of actions while exploring')
+parser.add_argument('--large_noise_share', type=float, default=0.3, help='of actions')
 parser.add_argument('--seed', type=int, default=0)
 parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
+
+
+class NormalisedReLU(torch.nn.Module):
+    """Normalises what a layer gives, then rectifies it."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return torch.relu(torch.nn.functional.layer_norm(x, x.shape[-1:]))
+
+
+class Exploration(ActionNoise):
+    """Normal noise, and now and then so much that the policy's own action hardly matters."""
+
+    def __init__(self, deviation: float, large_share: float) -> None:
+        super().__init__()
+        self._deviation, self._large_share = deviation, large_share
+
+    def __call__(self) -> np.ndarray:
+        if np.random.random() < self._large_share:
+            return np.random.uniform(-2, 2, 4)
+        return np.random.normal(0, self._deviation, 4)
 
 
 def success_rate(model: TD3, env: VecNormalize) -> float:
@@ -50,7 +71,6 @@ def main(args: argparse.Namespace) -> None:
     torch.set_num_threads(1)  # The networks are small: more threads wait for one another.
     env_checker.check_env(gym.make(args.env).unwrapped)
     env = SB3VecEnv(gym.make_vec(args.env, num_envs=args.num_envs))
-    size = env.action_space.shape
     model = TD3(
         'MultiInputPolicy',
         VecNormalize(env, norm_reward=False, clip_obs=5),
@@ -58,10 +78,10 @@ def main(args: argparse.Namespace) -> None:
         batch_size=256,
         gamma=0.96,
         tau=0.01,
-        action_noise=NormalActionNoise(np.zeros(size), np.full(size, args.noise)),
+        action_noise=Exploration(args.noise, args.large_noise_share),
         target_policy_noise=0.0,
         target_noise_clip=0.0,
-        policy_kwargs={'net_arch': [256, 256]},
+        policy_kwargs={'net_arch': [128, 128], 'activation_fn': NormalisedReLU},
         gradient_steps=args.gradient_steps,
         replay_buffer_class=HerReplayBuffer,
         seed=args.seed,
