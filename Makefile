@@ -38,6 +38,7 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	.venv-clients-ray/bin/python $(CLIENT_TEST)/test_ray.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_minari.py
 	.venv-clients-minari/bin/python $(CLIENT_TEST)/test_ogbench.py
+	.venv-clients-minari/bin/python -m pytest tests/test_optional_packages.py
 	.venv-clients-lerobot/bin/python $(CLIENT_TEST)/test_lerobot.py
 
 test-warp: .venv-clients-warp/.installed  ## Test the batch on a device, here the processor; some twenty minutes.

@@ -87,6 +87,6 @@ setuptools.setup(
         'lerobot': LEROBOT + EXPLORE,
         'warp': WARP,
         'docs': DOCS,
-        'test': TEST + GYMNASIUM + EXPLORE + LEARN + ACME + MINARI,
+        'test': TEST + GYMNASIUM + EXPLORE + LEARN,
     },
 )

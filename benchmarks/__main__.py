@@ -11,7 +11,7 @@ from benchmarks import meters, plot, report, results
 from benchmarks import rows as row_lib
 
 _PAIRS, _WARM_UP = 30, 2
-_QUICK_PAIRS, _QUICK_WARM_UP = 3, 1
+_QUICK_PAIRS, _QUICK_WARM_UP = 1, 0
 _PLOT = 'num_envs.png'
 
 
@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     if options.only in ('', 'growth'):
         _say('growth with the number of environments')
         measured['growth'] = results.measure_growth(
-            growth_sides, interpreters, max(3, num_pairs // 3), num_warm_up
+            growth_sides, interpreters, max(num_pairs // 3, 1), num_warm_up
         )
     _write(measured, options.output_dir)
     _write_pages(measured, options.write)

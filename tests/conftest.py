@@ -3,11 +3,18 @@
 What holds for tasks of several objects and of obstacles is in test_several_objects.py.
 """
 
+import gc
 import os
 import pathlib
+import tempfile
 
 # Tests need no display; they render where one of these works and are skipped elsewhere.
 os.environ.setdefault('MUJOCO_GL', 'egl')
+# What JAX compiles for one test is there for the next, and for the processes that tests start.
+if 'JAX_COMPILATION_CACHE_DIR' not in os.environ:
+    _compiled = tempfile.TemporaryDirectory(prefix='fetch_composer_tests_')
+    os.environ['JAX_COMPILATION_CACHE_DIR'] = _compiled.name
+    os.environ['JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS'] = '0.1'
 
 import pytest  # noqa: E402
 
@@ -17,6 +24,13 @@ from fetch_composer.entities import shapes  # noqa: E402
 from fetch_composer.tasks import conventions  # noqa: E402
 
 CONVENTIONS = tuple(conventions.CONVENTIONS)
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _libraries_are_left_alone():
+    """With every library imported, to look through all objects for garbage takes seconds."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(params=tasks.published())

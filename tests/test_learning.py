@@ -174,6 +174,7 @@ def test_after_a_kill_the_same_command_goes_on_and_ends_with_a_report(tmp_path):
         '--set=environment_steps=10000000',
         '--set=num_envs=64',
         '--set=updates_per_step=0.02',
+        '--set=episode_steps=5',  # So that a thousand held-out episodes are soon over.
     ]
     flags += [f'--output_dir={tmp_path}', '--task=reach']
     command = [sys.executable, '-m', 'fetch_composer.learning', *flags]
