@@ -24,7 +24,8 @@ def _episodes(number=6, steps=50, seed=0):
 
 
 def _buffer(episodes, **changes):
-    chosen = dataclasses.replace(settings.for_task('push'), **changes)
+    as_it_was = {'mirror_share': 0.0, 'shift': 0.0}
+    chosen = dataclasses.replace(settings.for_task('push'), **as_it_was | changes)
     buffer = replay.HindsightReplay(chosen, episodes.actions.shape[1], 25)
     buffer.add(episodes)
     return buffer
@@ -36,6 +37,29 @@ def test_every_reward_is_what_the_environment_gives_for_the_goal():
     np.testing.assert_array_equal(drawn.reward, fetch_composer.compute_reward(achieved, drawn.goal))
     assert 0 < np.mean(drawn.reward == 0) < 1
     assert drawn.action.shape == (40, 50, 4)
+
+
+def test_transitions_that_are_mirrored_and_moved_keep_their_rewards():
+    buffer = _buffer(_episodes())
+    elsewhere = _buffer(_episodes(), mirror_share=0.5, shift=0.1)
+    expected = buffer.sample(np.random.default_rng(1), (2000,))
+    drawn = elsewhere.sample(np.random.default_rng(1), (2000,))
+    np.testing.assert_array_equal(drawn.reward, expected.reward)
+    for part in (slice(0, 3), slice(3, 6)):
+        there, here = drawn.next_observation[:, part], expected.next_observation[:, part]
+        np.testing.assert_array_equal(there[:, 2], here[:, 2])
+        assert (there[:, :2] != here[:, :2]).mean() > 0.99
+    way = np.abs(drawn.goal - drawn.next_observation[:, 3:6])
+    expected_way = np.abs(expected.goal - expected.next_observation[:, 3:6])
+    np.testing.assert_allclose(way, expected_way, atol=1e-5)
+    mirrored = drawn.action[:, 1] == -expected.action[:, 1]
+    assert 0.4 < mirrored.mean() < 0.6
+    np.testing.assert_array_equal(drawn.action[~mirrored], expected.action[~mirrored])
+    np.testing.assert_array_equal(drawn.observation[~mirrored, 14:20],
+                                  expected.observation[~mirrored, 14:20])  # fmt: skip
+    np.testing.assert_array_equal(
+        drawn.observation[mirrored, 15], -expected.observation[mirrored, 15]
+    )
 
 
 def test_a_goal_chosen_in_hindsight_is_achieved_later_in_the_same_episode():

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fetch_composer.learning import networks
+from fetch_composer.learning import networks, symmetry
 from fetch_composer.learning.settings import Settings
 from fetch_composer.tasks import rewards
 
@@ -127,7 +127,29 @@ class HindsightReplay:
             next_observation=observations[episode, time + length],
             discount=(settings.discount**length).astype(np.float32),
         )
+        drawn = self._seen_elsewhere(drawn, generator)
         return Transitions(*(each.reshape(*shape, *each.shape[1:]) for each in drawn))
+
+    def _seen_elsewhere(self, drawn: Transitions, generator: np.random.Generator) -> Transitions:
+        """Returns transitions of which some are mirrored, and all are moved along the table."""
+        count, size = drawn.observation.shape
+        # The robot's plane of symmetry is where the gripper starts.
+        mirror = symmetry.Mirror(size, self._episodes.observations[0, 0, 1])
+        shift = symmetry.Shift(size)
+        chosen = generator.random(count) < self._settings.mirror_share
+        by = generator.uniform(-1, 1, (count, 2)).astype(np.float32) * self._settings.shift
+
+        def place(observation: np.ndarray) -> np.ndarray:
+            observation[chosen] = mirror.observation(observation[chosen])
+            return shift.observation(observation, by)
+
+        drawn.goal[chosen] = mirror.goal(drawn.goal[chosen])
+        drawn.action[chosen] = mirror.action(drawn.action[chosen])
+        return drawn._replace(
+            observation=place(drawn.observation),
+            next_observation=place(drawn.next_observation),
+            goal=shift.goal(drawn.goal, by),
+        )
 
     def _sample_episodes(self, generator: np.random.Generator, count: int) -> np.ndarray:
         """Returns (count,) rows; some are drawn from those that moved or lifted the object."""

@@ -12,9 +12,10 @@ from fetch_composer.explorer.episodes import seeds
 TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, seeds.STANDARD
 
 _SHARES = (
-    'hindsight_share', 'moved_share', 'lifted_share', 'uniform_share',
+    'hindsight_share', 'mirror_share', 'moved_share', 'lifted_share', 'uniform_share',
     'final_noise', 'noise_falls_until', 'relay_share', 'shove_share',
 )  # fmt: skip
+_MAY_BE_ZERO = ('noise', 'action_cost', 'shift', 'relay_spread', 'random_iterations')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,6 +39,9 @@ class Settings:
         action_cost: Weight of the mean squared action in the actor's loss.
         replay_episodes: Episodes that are kept.
         hindsight_share: Share of transitions whose goal is replaced by one achieved later.
+        mirror_share: Share of transitions that are mirrored left to right; 0 where the scene is
+            not symmetric.
+        shift: Transitions are moved along the table by up to this many m, along each axis.
         moved_share: Share of transitions that are taken from episodes that moved the object.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
@@ -55,10 +59,10 @@ class Settings:
         evaluation_episodes: Episodes of a point of the curve.
     """
 
-    environment_steps: int = 320_000
+    environment_steps: int = 240_000
     episode_steps: int = 50
     num_envs: int = 64
-    random_iterations: int = 8
+    random_iterations: int = 4
     updates_per_step: float = 0.5
     batch_size: int = 256
     hidden: tuple[int, ...] = (128, 128)
@@ -71,6 +75,8 @@ class Settings:
     action_cost: float = 0.05
     replay_episodes: int = 20_000
     hindsight_share: float = 0.8
+    mirror_share: float = 0.5
+    shift: float = 0.1
     moved_share: float = 0.5
     lifted_share: float = 0.0
     noise: float = 0.2
@@ -79,7 +85,7 @@ class Settings:
     noise_falls_until: float = 1.0
     relay_share: float = 0.5
     shove_share: float = 0.6
-    relay_steps: int = 16_000
+    relay_steps: int = 9_600
     relay_spread: float = 0.06
     evaluate_every: int = 5
     evaluation_episodes: int = 128
@@ -94,7 +100,7 @@ class Settings:
             elif field.name == 'hidden':
                 if not value or min(value) < 1:
                     raise ValueError(f'hidden must name at least one layer, got {value}.')
-            elif field.name in ('noise', 'action_cost', 'relay_spread', 'random_iterations'):
+            elif field.name in _MAY_BE_ZERO:
                 if not value >= 0:
                     raise ValueError(f'{field.name} must not be negative, got {value}.')
             elif not value > 0:
@@ -123,13 +129,15 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'updates_per_step': 0.25,
         'hidden': (64, 64),
         'random_iterations': 2,
+        'mirror_share': 0.0,
+        'shift': 0.0,
         'moved_share': 0.0,
         'relay_share': 0.0,
         'shove_share': 0.0,
         'evaluate_every': 2,
     },
     'push': {},
-    'pick_and_place': {'environment_steps': 600_000, **_GRASP},
+    'pick_and_place': {'environment_steps': 400_000, **_GRASP},
     'stack': {'environment_steps': 1_000_000, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # The puck glides for most of an episode, and what it does then was decided long before: later
@@ -152,12 +160,13 @@ _OF_TASK: dict[str, dict[str, Any]] = {
 _FRUGAL: dict[str, Any] = {
     'num_envs': 16,
     'updates_per_step': 4.0,
-    'relay_steps': 6_400,
+    'relay_steps': 3_200,
+    'uniform_share': 0.2,
     'environment_steps': 57_600,
 }
 _FRUGAL_OF_TASK: dict[str, dict[str, Any]] = {
     'reach': {'environment_steps': 6_400},
-    'pick_and_place': {'environment_steps': 188_800},
+    'pick_and_place': {'environment_steps': 192_000},
     'slide': {'environment_steps': 400_000},
 }
 
