@@ -31,7 +31,7 @@ parser.add_argument('--num_envs', type=int, default=64, help='environments in th
 parser.add_argument('--gradient_steps', type=int, default=32, help='per step of the batch')
 parser.add_argument('--evaluations', type=int, default=10, help='points of the learning curve')
 parser.add_argument('--noise', type=float, default=0.2, help='of actions while exploring')
-parser.add_argument('--large_noise_share', type=float, default=0.3, help='of actions')
+parser.add_argument('--large_noise_share', type=float, default=0.3, help='of all actions')
 parser.add_argument('--seed', type=int, default=0)
 parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
 
@@ -97,6 +97,7 @@ def main(args: argparse.Namespace) -> None:
     args.output_dir.mkdir(parents=True, exist_ok=True)
     name = args.output_dir / args.env.split('/')[-1]
     model.save(f'{name}.zip')
+    model.get_vec_normalize_env().save(f'{name}_vecnormalize.pkl')  # The explorer takes both.
     header = 'steps,minutes,success'
     np.savetxt(f'{name}.csv', curve, '%.7g', ',', header=header, comments='')
     steps, _, success = np.transpose(curve)

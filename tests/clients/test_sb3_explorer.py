@@ -192,3 +192,27 @@ def test_a_model_under_vec_normalize_is_given_what_it_learns_from():
         assert not np.allclose(each, observation[name])
     single.close()
     vector.close()
+
+
+def test_a_file_is_given_what_vec_normalize_saved_beside_it(tmp_path):
+    vector = vec_env.VecNormalize(
+        vec_env.DummyVecEnv([lambda: gym.make('fetch_composer/FetchReach-v2')])
+    )
+    vector.reset()
+    for _ in range(10):  # So that the statistics are some.
+        vector.step(np.ones((1, 4), np.float32))
+    model = sb3.PPO('MultiInputPolicy', vector, n_steps=8, seed=0)
+    path = str(tmp_path / 'model.zip')
+    model.save(path)
+    given = {'seeds': range(500_000, 500_010), 'max_episode_steps': 5}
+    during = explorer.evaluate(model, 'reach', **given)
+    without = explorer.evaluate(path, 'reach', trust_pickle=True, **given)
+    vector.save(str(tmp_path / 'model_vecnormalize.pkl'))
+    after = explorer.evaluate(path, 'reach', trust_pickle=True, **given)
+    assert dataclasses.replace(during, policy=path) == after
+    assert without.final_distance != after.final_distance
+
+    (tmp_path / 'model_vecnormalize.pkl').write_bytes(b'nothing')
+    with pytest.raises(ValueError, match='model_vecnormalize.pkl cannot be loaded as VecNormalize'):
+        explorer.evaluate(path, 'reach', trust_pickle=True, **given)
+    vector.close()

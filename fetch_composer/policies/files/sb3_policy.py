@@ -6,6 +6,8 @@ that runs as they are read. It is only read when the user has said that it may.
 
 import contextlib
 import json
+import pathlib
+import pickle
 import sys
 import zipfile
 import zlib
@@ -25,6 +27,8 @@ _ALGORITHMS = {
     'stable_baselines3.common': ('stable_baselines3', 'PPO'),
     'sb3_contrib.tqc': ('sb3_contrib', 'TQC'),
 }
+# NAME.zip has no statistics of `VecNormalize`; they are in NAME_vecnormalize.pkl beside it.
+_STATISTICS = '_vecnormalize.pkl'
 _MOST_DATA = 64 * 2**20  # Bytes of the member that describes a model ...
 _MOST_IN_ALL = 2 * 2**30  # ... and of all members, its networks and their optimizers included.
 
@@ -71,7 +75,7 @@ def factory(
         raise ValueError(
             f'{path} cannot be loaded as {name}: {type(error).__name__}: {error}'
         ) from error
-    policy = of_model(model, path, context)
+    policy = of_model(model, path, context, _saved_normalizer(path))
     return lambda seed: policy
 
 
@@ -80,7 +84,9 @@ def is_model(policy: Any) -> bool:
     return all(hasattr(policy, each) for each in ('predict', 'observation_space', 'action_space'))
 
 
-def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
+def of_model(
+    model: Any, name: str, context: PolicyContext, normalizer: Any = None
+) -> NetworkPolicy:
     """Returns the policy of a model: its deterministic actions.
 
     Args:
@@ -88,6 +94,8 @@ def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
             normalises its observations here, too.
         name: What messages call it.
         context: What is known of the environment to act in.
+        normalizer: A `VecNormalize` for its observations; None for the one that is around the
+            environment.
 
     Raises:
         ValueError: if its spaces do not fit; the message says what would.
@@ -99,7 +107,8 @@ def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
             f'{name} gives actions of shape {tuple(model.action_space.shape)}, but this task '
             f'takes {context.action_spec.shape}.'
         )
-    normalizer = getattr(model, 'get_vec_normalize_env', lambda: None)()
+    if normalizer is None:
+        normalizer = getattr(model, 'get_vec_normalize_env', lambda: None)()
 
     def act(observations: Mapping[str, np.ndarray]) -> np.ndarray:
         given = make(observations)
@@ -110,6 +119,24 @@ def of_model(model: Any, name: str, context: PolicyContext) -> NetworkPolicy:
         return actions
 
     return NetworkPolicy(act, _ROWS, sizes)
+
+
+def _saved_normalizer(path: str) -> Any:
+    """Returns the `VecNormalize` that was saved beside a model; None if none was."""
+    beside = pathlib.Path(f'{path.removesuffix(".zip")}{_STATISTICS}')
+    if not beside.exists():
+        return None
+    try:
+        normalizer = pickle.loads(beside.read_bytes())
+    except Exception as error:  # Whatever its pickles raise.
+        raise ValueError(
+            f'{beside} cannot be loaded as VecNormalize: {type(error).__name__}: {error}'
+        ) from error
+    if not hasattr(normalizer, 'normalize_obs'):
+        raise ValueError(
+            f'{beside} cannot be loaded as VecNormalize: it is a {type(normalizer).__name__}.'
+        )
+    return normalizer
 
 
 def _algorithm(path: str) -> tuple[str, str]:
