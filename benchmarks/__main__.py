@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     if options.only in ('', 'growth'):
         _say('growth with the number of environments')
         measured['growth'] = results.measure_growth(
-            growth_sides, interpreters, max(num_pairs // 3, 1), num_warm_up
+            growth_sides, interpreters, max(3, num_pairs // 3), num_warm_up
         )
     _write(measured, options.output_dir)
     _write_pages(measured, options.write)

@@ -70,6 +70,8 @@ def test_options_that_make_no_sense_are_refused(task_name, options, message):
     with pytest.raises(ValueError, match=message):
         fetch_composer.load(task_name, **options)
     with pytest.raises(ValueError, match=message):
+        suite.load('fetch', task_name, task_kwargs=options)
+    with pytest.raises(ValueError, match=message):
         dm_suite.load('fetch', task_name, task_kwargs=options)
 
 

@@ -34,9 +34,10 @@ def _assert_rows_equal(batched, singles) -> None:
             np.testing.assert_array_equal(row, value, err_msg=name)
 
 
-@pytest.mark.parametrize(('num_envs', 'reward_type'), [(1, 'sparse'), (_NUM_ENVS, 'dense')])
+@pytest.mark.parametrize('num_envs', [1, _NUM_ENVS])
+@pytest.mark.parametrize('reward_type', ['sparse', 'dense'])
 def test_environment_i_is_the_single_environment_of_seed_plus_i(
-    task_name, convention, num_envs, reward_type
+    task_name, convention, reward_type, num_envs
 ):
     """Over three episodes, resets included, while some of them push their object."""
     options = {'convention': convention, 'reward_type': reward_type}

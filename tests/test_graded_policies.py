@@ -30,8 +30,8 @@ def _actions(options, seeds, num_envs):
     return {each.seed: each.action for each in batch_rollout.run_episodes(options, seeds, num_envs)}
 
 
-def test_an_episode_is_its_seed_s_whatever_runs_beside_it(task_name, convention):
-    policy = 'expert~0.2:0.6,random:0.4'
+@pytest.mark.parametrize('policy', ['expert~0.2', 'expert~0.2:0.6,random:0.4'])
+def test_an_episode_is_its_seed_s_whatever_runs_beside_it(task_name, convention, policy):
     options = _options(policy, task_name, convention=convention)
     seeds = [3, 1, 8, 5]
     expected, others = (_actions(options, seeds, num_envs) for num_envs in (4, 3))

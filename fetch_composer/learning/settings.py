@@ -41,7 +41,8 @@ class Settings:
         hindsight_share: Share of transitions whose goal is replaced by one achieved later.
         mirror_share: Share of transitions that are mirrored left to right; 0 where the scene is
             not symmetric.
-        shift: Transitions are moved along the table by up to this many m, along each axis.
+        shift: Transitions are moved along the table by up to this many m, along each axis; 0 where
+            something else stands on it.
         moved_share: Share of transitions that are taken from episodes that moved the object.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
@@ -140,6 +141,8 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     'pick_and_place': {'environment_steps': 400_000, **_GRASP},
     'stack': {'environment_steps': 1_000_000, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
+    # Its wall stays where it is.
+    'push_around': {'shift': 0.0},
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more, and several are summed. Noise spoils a hit, and so some environments soon
     # have little. Fewer updates of larger networks are worth more here.

@@ -4,6 +4,7 @@ With OpenGL in software, torch's compiler would end a process that has loaded it
 """
 
 import dataclasses
+import functools
 import json
 import os
 import pathlib
@@ -172,14 +173,18 @@ def test_a_model_is_evaluated_while_it_is_trained_as_its_file_is_afterwards(tmp_
     assert other.final_distance != during.final_distance
 
 
-def test_a_model_under_vec_normalize_is_given_what_it_learns_from():
-    vector = vec_env.VecNormalize(
-        vec_env.DummyVecEnv([lambda: gym.make('fetch_composer/FetchPush-v2')])
-    )
+def _normalized(task):
+    """Returns a model, and the `VecNormalize` that is around its environment."""
+    make = functools.partial(gym.make, f'fetch_composer/Fetch{task}-v2')
+    vector = vec_env.VecNormalize(vec_env.DummyVecEnv([make]))
     vector.reset()
     for _ in range(10):  # So that the statistics are some.
         vector.step(np.ones((1, 4), np.float32))
-    model = sb3.PPO('MultiInputPolicy', vector, n_steps=8, seed=0)
+    return sb3.PPO('MultiInputPolicy', vector, n_steps=8, seed=0), vector
+
+
+def test_a_model_under_vec_normalize_is_given_what_it_learns_from():
+    model, vector = _normalized('Push')
     single = fetch_composer.load('push', seed=3)
     observation = single.reset().observation
     seen = []
@@ -195,13 +200,7 @@ def test_a_model_under_vec_normalize_is_given_what_it_learns_from():
 
 
 def test_a_file_is_given_what_vec_normalize_saved_beside_it(tmp_path):
-    vector = vec_env.VecNormalize(
-        vec_env.DummyVecEnv([lambda: gym.make('fetch_composer/FetchReach-v2')])
-    )
-    vector.reset()
-    for _ in range(10):  # So that the statistics are some.
-        vector.step(np.ones((1, 4), np.float32))
-    model = sb3.PPO('MultiInputPolicy', vector, n_steps=8, seed=0)
+    model, vector = _normalized('Reach')
     path = str(tmp_path / 'model.zip')
     model.save(path)
     given = {'seeds': range(500_000, 500_010), 'max_episode_steps': 5}

@@ -10,10 +10,10 @@ from tests.hostile.tally import Tally  # noqa: E402
 
 _COUNTS = {
     faces.options: 25,
-    faces.gymnasium_resets: 50,
+    faces.gymnasium_resets: 100,
     stores.kills: 1,
-    stores.damaged_stores: 2,
-    stores.damaged_films: 15,
+    stores.damaged_stores: 3,
+    stores.damaged_films: 30,
     endurance.singles: 16,
     endurance.batches: 8,
     endurance.leaks: 4,
@@ -24,7 +24,7 @@ _ALL = {**faces.ALL, **stores.ALL, **endurance.ALL}
 @pytest.mark.parametrize('check', _ALL.values(), ids=_ALL.keys())
 def test_what_is_given_is_refused_by_name_or_done_right(check):
     tally = Tally()
-    check(tally, 0, _COUNTS.get(check, 75))
+    check(tally, 0, _COUNTS.get(check, 150))
     assert tally.tried > 0
 
 
