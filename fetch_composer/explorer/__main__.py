@@ -45,9 +45,8 @@ def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
     try:
         from fetch_composer import user_modules
         from fetch_composer.explorer import flags
-        from fetch_composer.explorer import run as run_lib
     except ModuleNotFoundError as error:
-        return _fail(f"{error.name} is not installed: pip install 'fetch_composer[explore]'")
+        return _fail_for_lack_of(error)
 
     parser = flags.parser()
     try:
@@ -61,6 +60,11 @@ def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
     if others:
         return _fail(f'unexpected argument {others[0]!r}; all options are flags, see --help.')
 
+    try:
+        # With all that draws the report, which help and a mistyped flag need not wait for.
+        from fetch_composer.explorer import run as run_lib
+    except ModuleNotFoundError as error:
+        return _fail_for_lack_of(error)
     try:
         user_modules.load_all(parser['import'].value or ())  # They may bring the task.
         options = flags.make_options(flags.option_values(parser))
@@ -118,6 +122,10 @@ def _listed(written: Sequence['writing.Written']) -> list[str]:
 def _program() -> str:
     name = os.path.basename(sys.argv[0])
     return 'python -m fetch_composer.explorer' if name == '__main__.py' else name
+
+
+def _fail_for_lack_of(error: ModuleNotFoundError) -> int:
+    return _fail(f"{error.name} is not installed: pip install 'fetch_composer[explore]'")
 
 
 def _fail(message: str) -> int:

@@ -15,6 +15,7 @@ from fetch_composer.tasks import rewards
 
 WIDTH = 5.0  # inches
 _HEIGHT = 3.3
+LEFT, RIGHT, ABOVE, BELOW = 0.74, 0.22, 0.14, 0.54  # inches around the axes.
 _ALL = 30  # With more episodes, lines are drawn as pixels, and of actions only a band.
 _DPI = 200  # Of what is drawn as pixels.
 _BAND = (10, 90)  # Percentiles.
@@ -24,8 +25,13 @@ _NEAREST_CM = 0.01  # On a logarithmic axis.
 
 
 @contextlib.contextmanager
-def svg(height: float = _HEIGHT) -> Iterator[tuple[figure.Figure, list[str]]]:
-    """Gives a figure to draw on, and a list that has its SVG once it is drawn."""
+def svg(height: float = _HEIGHT, below: float = BELOW) -> Iterator[tuple[figure.Figure, list[str]]]:
+    """Gives a figure to draw on, and a list that has its SVG once it is drawn.
+
+    Args:
+        height: Its height in inches.
+        below: Inches that the axes leave free below them.
+    """
     # The same drawing is the same text: neither a date nor random identifiers.
     settings: dict[typing.Any, typing.Any] = {
         'svg.hashsalt': 'fetch_composer',
@@ -38,7 +44,11 @@ def svg(height: float = _HEIGHT) -> Iterator[tuple[figure.Figure, list[str]]]:
         'axes.spines.right': False,
     }
     with matplotlib.rc_context(settings):
-        canvas = figure.Figure(figsize=(WIDTH, height), layout='constrained')
+        canvas = figure.Figure(figsize=(WIDTH, height))
+        # Matplotlib's layouts would take as long as all that is drawn.
+        canvas.subplots_adjust(
+            LEFT / WIDTH, below / height, 1 - RIGHT / WIDTH, 1 - ABOVE / height, hspace=0.12
+        )
         result: list[str] = []
         yield canvas, result
         text = io.StringIO()

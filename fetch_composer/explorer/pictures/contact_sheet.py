@@ -4,7 +4,6 @@ import dataclasses
 import pathlib
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
@@ -113,6 +112,9 @@ def _draw_label(draw: ImageDraw.ImageDraw, y: int, strip: Strip) -> None:
 
 
 def _font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    # Matplotlib brings its own fonts: the same everywhere, whatever is installed.
+    # Matplotlib brings its own fonts: the same everywhere, whatever is installed. The process that
+    # takes films has no need of it.
+    import matplotlib
+
     name = 'DejaVuSans-Bold.ttf' if bold else 'DejaVuSans.ttf'
     return ImageFont.truetype(f'{matplotlib.get_data_path()}/fonts/ttf/{name}', size)

@@ -34,7 +34,8 @@ def save_progress(
     returns = [np.cumsum([0, *each.reward]) for each in episodes]
     seconds = control_timestep * np.arange(max(map(len, returns)))
 
-    canvas = figure.Figure(figsize=_SIZE, dpi=_DPI, layout='constrained')
+    canvas = figure.Figure(figsize=_SIZE, dpi=_DPI)
+    canvas.subplots_adjust(left=0.09, right=0.98, bottom=0.08, top=0.93, hspace=0.08)
     # It has a name of the user's in it: dollars in that are no formulas.
     canvas.suptitle(title, fontsize=13, fontweight='bold', color=style.INK, parse_math=False)
     distance_axes, return_axes = canvas.subplots(2, 1, sharex=True)

@@ -15,6 +15,7 @@ _NARROWEST = 0.4  # ... but at least this much is shown.
 _GRIPPER = '#8a94a0'
 _GOAL = '#00795c'
 _TABLE = '#f1efe9'
+_COLUMNS, _ROW = 3, 0.2  # Of the legend; a row in inches.
 _GRIPPERS_OF = 12  # With more episodes than these, only the objects' paths are drawn.
 
 
@@ -41,27 +42,30 @@ def top_view(episodes: Sequence[Episode], workspace: scene.Workspace, has_object
     low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
     lacking = np.maximum(_NARROWEST - (high - low), 0) / 2
     low, high = low - lacking, high + lacking
-    height = float(np.clip((charts.WIDTH - 0.7) * (high - low)[1] / (high - low)[0], 3, 4.6)) + 1.1
+    few = len(episodes) <= _GRIPPERS_OF
+    handles = _legend(episodes, has_object, few)
+    below = charts.BELOW + _ROW * -(-len(handles) // _COLUMNS)
+    width = charts.WIDTH - charts.LEFT - charts.RIGHT
+    height = float(np.clip(width * (high - low)[1] / (high - low)[0], 2.8, 4.4))
 
-    with charts.svg(height) as (canvas, result):
+    with charts.svg(charts.ABOVE + height + below, below) as (canvas, result):
         axes = canvas.subplots()
         axes.add_patch(
             patches.Rectangle(centre - half, *(2 * half), facecolor=_TABLE, edgecolor='#d8d4c8')
         )
-        if has_object and len(episodes) <= _GRIPPERS_OF:
+        if has_object and few:
             for path in grippers:
                 axes.plot(*path.T, color=_GRIPPER, linewidth=1.1, alpha=1 if one else 0.5)
                 axes.plot(*path[0], 'o', mfc=style.PAPER, mec=_GRIPPER, ms=5)
         charts.lines(axes, things, owners, zorder=3)
-        _mark(axes, things, goals, owners, len(episodes) <= _GRIPPERS_OF)
+        _mark(axes, things, goals, owners, few)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect='equal')
         axes.set_xlabel('x (m), away from the robot')
         axes.set_ylabel('y (m)')
         axes.grid(alpha=0.15)
-        handles = _legend(episodes, has_object, len(episodes) <= _GRIPPERS_OF)
         canvas.legend(
-            handles=handles, loc='outside lower center', ncols=3, frameon=False, fontsize=9.5,
-            handletextpad=0.4, columnspacing=1.0,
+            handles=handles, loc='lower center', ncols=_COLUMNS, frameon=False, fontsize=9.5,
+            handletextpad=0.4, columnspacing=1.0, borderaxespad=0,
         )  # fmt: skip
     return result[0]
 
