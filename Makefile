@@ -22,7 +22,7 @@ explore: $(VENV)/.explore gl  ## Film the expert at Push and say which files to 
 test: check test-only  ## Check the code and run the tests.
 
 test-only: $(VENV)/.test gl  ## Run the tests.
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # Each client has an environment of its own; but Stable-Baselines3 and TorchRL share one with torch, which takes
 # 6 GB, and Minari and OGBench another. LeRobot wants an older torch.

@@ -43,7 +43,7 @@ LEROBOT = ['lerobot>=0.4.4,<0.5']
 LEARN = ['jax>=0.4.30', 'optax>=0.2.2', *EXPLORE]
 WARP = ['mujoco-warp==3.17.*', 'warp-lang>=1.19']
 DOCS = ['furo>=2025.9', 'myst-nb>=1.3', 'sphinx>=8.1', *GYMNASIUM, *LEARN, *WARP]
-TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3', 'ruff>=0.6', 'mypy>=1.10']
+TEST = ['hypothesis>=6.100', 'pytest>=8', 'pytest-xdist>=3.7', 'ruff>=0.6', 'mypy>=1.10']
 
 setuptools.setup(
     name='fetch_composer',

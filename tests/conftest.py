@@ -22,6 +22,7 @@ import fetch_composer  # noqa: E402
 from fetch_composer import tasks  # noqa: E402
 from fetch_composer.entities import shapes  # noqa: E402
 from fetch_composer.tasks import conventions  # noqa: E402
+from tests import episodes  # noqa: E402
 
 CONVENTIONS = tuple(conventions.CONVENTIONS)
 
@@ -58,6 +59,12 @@ def env(task_name, convention):
     environment = fetch_composer.load(task_name, seed=0, convention=convention)
     yield environment
     environment.close()
+
+
+@pytest.fixture
+def shared_env(task_name, convention):
+    """The same, for tests that step and reset it, and no more."""
+    return episodes.shared(task_name, convention=convention)
 
 
 @pytest.fixture(params=shapes.NAMES)

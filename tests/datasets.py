@@ -5,10 +5,10 @@ import pathlib
 
 import numpy as np
 
-import fetch_composer
 from fetch_composer.explorer.datasets import contents, formats
 from fetch_composer.explorer.episodes import batch_rollout, provenance
 from fetch_composer.tasks import TaskOptions
+from tests import episodes as acting
 
 STEPS = 12
 SEEDS = (11, 5, 7)
@@ -44,8 +44,7 @@ def assert_leads_back(episode_options, seed, actions, observations, physics, gri
         physics: (T or T + 1, ...) its states.
         gripper_pose: (T or T + 1, 7) their further part.
     """
-    env = fetch_composer.load(episode_options.task, **episode_options.task_kwargs)
-    env.seed(seed)
+    env = acting.shared(episode_options.task, seed, **episode_options.task_kwargs)
     time_step = env.reset()
     first = env.get_state()
     states = [
@@ -60,7 +59,6 @@ def assert_leads_back(episode_options, seed, actions, observations, physics, gri
     for step in range(len(observations) - 1):
         env.set_state(states[step])
         _assert_close(env.step(actions[step]).observation['observation'], observations[step + 1])
-    env.close()
 
 
 def _assert_close(value, expected):

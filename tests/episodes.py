@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import fetch_composer
 from fetch_composer import policies
 from fetch_composer.explorer.episodes.episode import Episode
 
@@ -37,6 +38,27 @@ def push_until(env, observation, y: float, max_steps: int = 100):
             return observation
         observation = env.step(push_through(observation)).observation
     raise AssertionError(f'The object was not pushed to y = {y} m within {max_steps} steps.')
+
+
+_SHARED: dict[str, fetch_composer.Environment] = {}
+
+
+def shared(task_name: str, seed: int = 0, number: int = 0, **options):
+    """Returns what `load` would, but not new: it has served other tests, and is seeded anew.
+
+    It is for tests that step and reset it, and no more: to make one takes as long as a hundred
+    control steps.
+
+    Args:
+        task_name: Name of the task.
+        seed: Its seed.
+        number: Distinguishes environments that are needed at the same time.
+        **options: As for `load`.
+    """
+    key = repr((task_name, number, sorted(options.items())))
+    env = _SHARED.get(key) or _SHARED.setdefault(key, fetch_composer.load(task_name, **options))
+    env.seed(seed)
+    return env
 
 
 def run(env, actions) -> list:

@@ -24,7 +24,7 @@ _BAD_ACTIONS = [
 
 
 def test_a_bad_action_leaves_the_simulation_untouched(env):
-    reference = fetch_composer.load(env.task.name, seed=0, convention=env.task.convention.name)
+    reference = episodes.shared(env.task.name, convention=env.task.convention.name)
     actions = episodes.uniform_actions(5 + len(_BAD_ACTIONS))
     expected = episodes.run(reference, actions)
     time_steps = episodes.run(env, actions[:5])
@@ -36,7 +36,7 @@ def test_a_bad_action_leaves_the_simulation_untouched(env):
 
 
 def test_actions_outside_the_range_are_clipped(env):
-    reference = fetch_composer.load(env.task.name, seed=0, convention=env.task.convention.name)
+    reference = episodes.shared(env.task.name, convention=env.task.convention.name)
     wild = 5 * episodes.uniform_actions(10)
     episodes.assert_same(episodes.run(env, wild), episodes.run(reference, np.clip(wild, -1, 1)))
 
@@ -80,7 +80,7 @@ def test_places_that_cannot_be_leave_the_next_episode_as_it_was(object_task_name
     env = fetch_composer.load(object_task_name, seed=0)
     with pytest.raises(ValueError, match='object_position'):
         env.task.set_next_episode(object_position=position)
-    reference = fetch_composer.load(object_task_name, seed=0).reset()
+    reference = episodes.shared(object_task_name).reset()
     episodes.assert_same([env.reset()], [reference])
 
 

@@ -42,15 +42,19 @@ def test_environment_i_is_the_single_environment_of_seed_plus_i(
     """Over three episodes, resets included, while some of them push their object."""
     options = {'convention': convention, 'reward_type': reward_type}
     batch = fetch_composer.BatchEnvironment(task_name, num_envs, seed=5, **options)
-    singles = [fetch_composer.load(task_name, seed=5 + i, **options) for i in range(num_envs)]
-    time_step = batch.reset()
-    _assert_rows_equal(time_step, [single.reset() for single in singles])
-    for step, actions in enumerate(episodes.uniform_actions(120, batch_shape=(num_envs,))):
+    time_steps = [batch.reset()]
+    all_actions = episodes.uniform_actions(120, batch_shape=(num_envs,))
+    for step, actions in enumerate(all_actions):
         if step % 50 > 10:
-            actions[0] = episodes.push_through({k: v[0] for k, v in time_step.observation.items()})
-        time_step = batch.step(actions)
-        pairs = zip(singles, actions, strict=True)
-        _assert_rows_equal(time_step, [single.step(action) for single, action in pairs])
+            first = {name: rows[0] for name, rows in time_steps[-1].observation.items()}
+            actions[0] = episodes.push_through(first)
+        time_steps.append(batch.step(actions))
+    singles = []
+    for i in range(num_envs):
+        single = episodes.shared(task_name, 5 + i, **options)
+        singles.append(episodes.run(single, all_actions[:, i]))
+    for time_step, *others in zip(time_steps, *singles, strict=True):
+        _assert_rows_equal(time_step, others)
 
 
 def test_environments_that_end_at_different_times_start_anew_each_on_its_own():

@@ -34,7 +34,7 @@ def _assert_equal(episodes, others, tolerance=0.0):
 @pytest.mark.parametrize('policy', ['expert', 'random'])
 def test_an_episode_is_that_of_the_single_environment(task_name, convention, policy):
     options = _options(task=task_name, policy=policy, convention=convention, reward_type='dense')
-    env = fetch_composer.load(task_name, **options.task_kwargs)
+    env = acting.shared(task_name, **options.task_kwargs)
     seeds = [4, 2, 9]
     expected = [acting.record(env, policy, seed) for seed in seeds]
     _assert_equal(batch_rollout.run_episodes(options, seeds, num_envs=2), expected, 1e-9)
@@ -107,7 +107,7 @@ def test_mistakes_are_named_before_the_first_step():
 def test_a_replay_ends_where_the_episode_of_the_batch_did(task_name, convention):
     options = _options(task=task_name, policy='expert', convention=convention, max_episode_steps=50)
     episodes = batch_rollout.run_episodes(options, [11, 12, 13])
-    env = fetch_composer.load(task_name, **options.task_kwargs)
+    env = acting.shared(task_name, **options.task_kwargs)
     shown = []
     for episode in episodes:
         replay.replay(env, episode, shown.append)

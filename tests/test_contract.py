@@ -80,33 +80,33 @@ def test_every_door_leads_to_the_same_environment(task_name):
         episodes.assert_same(episodes.run(environment, actions), expected)
 
 
-def test_actions_are_four_floats_within_one(env):
-    spec = env.action_spec()
+def test_actions_are_four_floats_within_one(shared_env):
+    spec = shared_env.action_spec()
     assert spec.shape == (4,)
     assert spec.dtype == np.float32
     np.testing.assert_array_equal(spec.minimum, np.full(4, -1))
     np.testing.assert_array_equal(spec.maximum, np.full(4, 1))
 
 
-def test_observations_are_the_goal_dictionary(env, task_name):
+def test_observations_are_the_goal_dictionary(shared_env, task_name):
     size = 10 if task_name == 'reach' else 25
     expected = {'observation': (size,), 'achieved_goal': (3,), 'desired_goal': (3,)}
-    spec = env.observation_spec()
+    spec = shared_env.observation_spec()
     assert {name: each.shape for name, each in spec.items()} == expected
-    for time_step in episodes.run(env, episodes.uniform_actions(3)):
+    for time_step in episodes.run(shared_env, episodes.uniform_actions(3)):
         assert {k: v.shape for k, v in time_step.observation.items()} == expected
         assert all(v.dtype == np.float64 for v in time_step.observation.values())
         assert all(np.isfinite(v).all() for v in time_step.observation.values())
 
 
-def test_control_runs_at_25_hz_over_20_substeps(env):
-    assert env.control_timestep() == pytest.approx(0.04, abs=1e-12)
-    assert env.physics.timestep() == 0.002
-    env.reset()
-    start = env.physics.time()
+def test_control_runs_at_25_hz_over_20_substeps(shared_env):
+    assert shared_env.control_timestep() == pytest.approx(0.04, abs=1e-12)
+    assert shared_env.physics.timestep() == 0.002
+    shared_env.reset()
+    start = shared_env.physics.time()
     for action in episodes.uniform_actions(10):
-        env.step(action)
-    assert env.physics.time() - start == pytest.approx(0.4, abs=1e-9)
+        shared_env.step(action)
+    assert shared_env.physics.time() - start == pytest.approx(0.4, abs=1e-9)
 
 
 @pytest.mark.parametrize('max_episode_steps', [1, 50, 100])
@@ -125,8 +125,8 @@ def test_an_episode_is_truncated_after_exactly_its_steps(task_name, convention, 
         assert [time_step.discount for time_step in time_steps[1:]] == [1.0] * max_episode_steps
 
 
-def test_an_episode_lasts_50_steps_by_default(env):
-    time_steps = episodes.run(env, episodes.uniform_actions(50))
+def test_an_episode_lasts_50_steps_by_default(shared_env):
+    time_steps = episodes.run(shared_env, episodes.uniform_actions(50))
     assert time_steps[-1].last()
     assert not time_steps[-2].last()
 
@@ -138,7 +138,7 @@ def test_episodes_never_end_without_a_limit(task_name):
 
 @pytest.mark.parametrize('reward_type', rewards.REWARD_TYPES)
 def test_rewards_follow_from_the_goals(task_name, convention, reward_type):
-    env = fetch_composer.load(task_name, seed=0, convention=convention, reward_type=reward_type)
+    env = episodes.shared(task_name, convention=convention, reward_type=reward_type)
     spec = env.reward_spec()
     for time_step in episodes.run(env, episodes.uniform_actions(20))[1:]:
         observation = time_step.observation
@@ -189,24 +189,24 @@ def test_success_earns_the_sparse_reward(task_name):
     assert env.task.is_success()
 
 
-def test_observations_are_not_shared_memory(env):
-    time_steps = episodes.run(env, episodes.uniform_actions(4))
+def test_observations_are_not_shared_memory(shared_env):
+    time_steps = episodes.run(shared_env, episodes.uniform_actions(4))
     arrays = [value for t in time_steps for value in t.observation.values()]
     for i, one in enumerate(arrays):
         assert not any(np.shares_memory(one, other) for other in arrays[i + 1 :])
     kept = [t.observation['observation'].copy() for t in time_steps]
     time_steps[-1].observation['observation'][:] = np.nan
-    assert np.isfinite(env.step(np.zeros(4, np.float32)).observation['observation']).all()
+    assert np.isfinite(shared_env.step(np.zeros(4, np.float32)).observation['observation']).all()
     np.testing.assert_array_equal(time_steps[0].observation['observation'], kept[0])
 
 
-def test_every_observation_varies_unless_the_fingers_are_rigid(env, task_name, convention):
-    time_steps = episodes.run(env, episodes.uniform_actions(50, seed=1))
+def test_every_observation_varies_unless_the_fingers_are_rigid(shared_env, task_name, convention):
+    time_steps = episodes.run(shared_env, episodes.uniform_actions(50, seed=1))
     if task_name != 'reach':  # Random actions rarely meet the object: seek it.
-        time_step = env.reset()
+        time_step = shared_env.reset()
         for _ in range(40):
             goal = time_step.observation['achieved_goal']
-            time_step = env.step(episodes.towards(time_step.observation, goal))
+            time_step = shared_env.step(episodes.towards(time_step.observation, goal))
             time_steps.append(time_step)
     spread = np.ptp([t.observation['observation'] for t in time_steps], axis=0)
     rigid = np.zeros(len(spread), dtype=bool)
@@ -216,14 +216,14 @@ def test_every_observation_varies_unless_the_fingers_are_rigid(env, task_name, c
 
 
 def test_locked_fingers_read_zero_after_every_step(locked_task_name, convention):
-    env = fetch_composer.load(locked_task_name, seed=0, convention=convention)
+    env = episodes.shared(locked_task_name, convention=convention)
     for time_step in episodes.run(env, episodes.uniform_actions(50))[1:]:
         observation = time_step.observation['observation']
         assert np.abs(observation[_finger_columns(len(observation))[:2]]).max() < 1e-4
 
 
 def test_dense_rewards_have_no_bound_that_is_infinite(task_name):
-    env = fetch_composer.load(task_name, seed=0, reward_type='dense')
+    env = episodes.shared(task_name, reward_type='dense')
     assert np.isfinite(env.reward_spec().generate_value())
 
 
@@ -243,10 +243,10 @@ def _finger_columns(size: int) -> list[int]:
     return [displacement, displacement + 1, size - 2, size - 1]
 
 
-def test_entities_offer_observables_that_are_off_by_default(env):
-    enabled = [name for name, each in env.task.observables.items() if each.enabled]
+def test_entities_offer_observables_that_are_off_by_default(shared_env):
+    enabled = [name for name, each in shared_env.task.observables.items() if each.enabled]
     assert sorted(enabled) == ['achieved_goal', 'desired_goal', 'observation']
-    names = set(env.task.observables)
+    names = set(shared_env.task.observables)
     assert {'fetch/joints_pos', 'fetch/joints_vel', 'fetch/head_camera'} <= names
     assert {'fetch/gripper/tool_center_point', 'fetch/gripper/gripper_camera'} <= names
     assert 'target/position' in names

@@ -37,10 +37,9 @@ def test_an_episode_is_its_seed_s_whatever_runs_beside_it(task_name, convention,
     expected, others = (_actions(options, seeds, num_envs) for num_envs in (4, 3))
     for seed in seeds:
         np.testing.assert_array_equal(expected[seed], others[seed])
-    env = fetch_composer.load(task_name, **options.task_kwargs)
+    env = acting.shared(task_name, **options.task_kwargs)
     single = acting.record(env, policy, seeds[0])
     np.testing.assert_allclose(single.action, expected[seeds[0]], rtol=0, atol=1e-6)
-    env.close()
 
 
 def test_noise_is_gaussian_independent_and_clipped():

@@ -1,5 +1,6 @@
 """The Gymnasium face: spaces, seeds, options, rendering, vector forms."""
 
+import functools
 import os
 import pickle
 import subprocess
@@ -25,6 +26,10 @@ _IDS = tuple(
 )
 
 
+# For tests that reset and step it, and no more.
+_shared = functools.cache(gym.make)
+
+
 @pytest.fixture(params=_IDS)
 def env_id(request) -> str:
     return request.param
@@ -42,7 +47,7 @@ def test_gymnasiums_checker_is_content(env_id):
 
 
 def test_spaces_are_those_of_gymnasium_robotics(env_id):
-    env = gym.make(env_id)
+    env = _shared(env_id)
     size = 10 if 'Reach' in env_id else 25
     assert env.action_space == spaces.Box(-1.0, 1.0, (4,), np.float32)
     unbounded = {'observation': size, 'achieved_goal': 3, 'desired_goal': 3}
@@ -53,14 +58,14 @@ def test_spaces_are_those_of_gymnasium_robotics(env_id):
 
 
 def test_ids_choose_convention_and_reward(env_id):
-    task = gym.make(env_id).unwrapped.dm_env.task
+    task = _shared(env_id).unwrapped.dm_env.task
     assert task.convention.name == ('gymnasium_robotics' if env_id.endswith('v4') else 'documented')
     assert task.options.reward_type == ('dense' if 'Dense' in env_id else 'sparse')
 
 
 def test_episodes_are_truncated_and_never_terminated(env_id):
     for options, expected in (({}, 50), ({'max_episode_steps': 7}, 7)):
-        env = gym.make(env_id, **options)
+        env = _shared(env_id, **options)
         env.reset(seed=0)
         for step in range(1, expected + 1):
             *_, terminated, truncated, info = env.step(env.action_space.sample())
@@ -73,8 +78,8 @@ def test_episodes_are_truncated_and_never_terminated(env_id):
 def test_a_seed_starts_as_it_does_in_dm_env(task_name, convention):
     version = 'v4' if convention == 'gymnasium_robotics' else 'v2'
     camel = ''.join(word.capitalize() for word in task_name.split('_'))
-    env = gym.make(f'fetch_composer/Fetch{camel}-{version}')
-    single = fetch_composer.load(task_name, seed=12, convention=convention)
+    env = _shared(f'fetch_composer/Fetch{camel}-{version}')
+    single = episodes.shared(task_name, 12, convention=convention)
     for episode in range(3):
         observation, _ = env.reset(seed=12 if episode == 0 else None)
         expected = single.reset().observation
@@ -88,7 +93,7 @@ def test_a_seed_starts_as_it_does_in_dm_env(task_name, convention):
 
 
 def test_rewards_can_be_recomputed_for_relabelled_goals(env_id):
-    env = gym.make(env_id).unwrapped
+    env = _shared(env_id).unwrapped
     env.reset(seed=0)
     achieved, desired, rewards = [], [], []
     for action in episodes.uniform_actions(20):

@@ -18,15 +18,16 @@ def recorded(task_name):
 
 
 def _replay(task_name, recorded, episode):
-    env = fetch_composer.load(
-        task_name, seed=int(recorded['seed'][episode]), convention='gymnasium_robotics'
-    )
+    seed = int(recorded['seed'][episode])
+    env = episodes.shared(task_name, seed, convention='gymnasium_robotics')
     return episodes.run(env, recorded['actions'][episode])
 
 
 def test_a_seed_starts_where_it_starts_in_gymnasium_robotics(task_name, recorded):
     for episode in range(len(recorded['seed'])):
-        start = _replay(task_name, recorded, episode)[0].observation
+        seed = int(recorded['seed'][episode])
+        env = fetch_composer.load(task_name, seed=seed, convention='gymnasium_robotics')
+        start = env.reset().observation
         for name in ('observation', 'achieved_goal', 'desired_goal'):
             np.testing.assert_allclose(start[name], recorded[name][episode, 0], atol=1e-12)
 

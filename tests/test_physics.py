@@ -75,7 +75,7 @@ def test_the_arm_reaches_its_commanded_place_without_shaking(task_name):
 def test_each_axis_of_the_action_moves_its_own_axis(task_name, convention):
     # Upwards, since Push and Slide of Gymnasium-Robotics start pressed onto the table.
     for axis in range(3):
-        env = fetch_composer.load(task_name, seed=0, convention=convention)
+        env = episodes.shared(task_name, convention=convention)
         env.reset()
         lift = np.array([0, 0, 1, 0], np.float32)
         for _ in range(4):
@@ -106,14 +106,14 @@ def test_a_block_can_be_grasped_and_lifted():
 
 
 def test_the_gripper_keeps_pointing_down(task_name):
-    env = fetch_composer.load(task_name, seed=0)
+    env = episodes.shared(task_name)
     episodes.run(env, episodes.uniform_actions(40))
     xmat = env.physics.named.data.xmat['fetch/gripper/gripper_link'].reshape(3, 3)
     assert xmat[2, 0] < -0.98  # The fingers' axis against the vertical.
 
 
 def test_the_model_is_lean(task_name):
-    env = fetch_composer.load(task_name, seed=0)
+    env = episodes.shared(task_name)
     model = env.physics.model
     expected = {'reach': 7, 'pick_and_place': 15}.get(task_name, 13)
     assert model.nv == expected

@@ -14,6 +14,11 @@ from tests import episodes
 TASKS = ('push_around', 'push_two', 'stack')
 OF_TWO = ('push_two', 'stack')
 _STEPS = 6
+_VARIATIONS = {
+    'object_size': distributions.Uniform(0.02, 0.026),
+    'object_mass': distributions.Uniform(1.0, 3.0),
+    'friction': distributions.Uniform(0.5, 1.0),
+}
 
 
 @pytest.fixture(params=TASKS)
@@ -55,16 +60,11 @@ def test_an_observation_has_the_gripper_first_and_then_each_object(task_of_two):
 @pytest.mark.parametrize('num_envs', [1, 2])
 def test_a_batch_is_as_many_single_environments(task, num_envs):
     options = {'reward_type': 'dense', 'max_episode_steps': _STEPS}
-    variations = {
-        'object_size': distributions.Uniform(0.02, 0.026),
-        'object_mass': distributions.Uniform(1.0, 3.0),
-        'friction': distributions.Uniform(0.5, 1.0),
-    }
     batch = fetch_composer.BatchEnvironment(
-        task, num_envs, seed=3, variations=variations, **options
+        task, num_envs, seed=3, variations=_VARIATIONS, **options
     )
     singles = [
-        fetch_composer.load(task, seed=3 + i, variations=variations, **options)
+        episodes.shared(task, 3 + i, number=i, variations=_VARIATIONS, **options)
         for i in range(num_envs)
     ]
     expected, step = [each.reset() for each in singles], batch.reset()

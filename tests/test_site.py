@@ -12,6 +12,7 @@ import fetch_composer
 from docs.site import linked_files, task_pages
 from fetch_composer import tasks
 from fetch_composer.tasks import layout
+from tests import episodes
 
 _DOCS = pathlib.Path(task_pages.__file__).parents[1]
 
@@ -52,7 +53,7 @@ def test_what_is_in_the_tree_is_there():
 
 def test_the_observation_of_a_page_is_that_of_its_task(task):
     rows = task_pages.observation_rows(task)
-    spec = fetch_composer.load(task).observation_spec()['observation']
+    spec = episodes.shared(task).observation_spec()['observation']
     assert [int(row[0]) for row in rows] == list(range(*spec.shape))
     layouts = layout.of(len(tasks.make(task).scene.objects))
     for places in layouts:
@@ -71,7 +72,7 @@ def test_the_observation_of_a_page_is_that_of_its_task(task):
 
 def test_the_action_of_a_page_is_that_of_its_task(task):
     rows = list(task_pages.action_rows(task))
-    spec = fetch_composer.load(task).action_spec()
+    spec = episodes.shared(task).action_spec()
     assert len(rows) == spec.shape[0]
     assert {(float(row[2]), float(row[3])) for row in rows} == {(-1.0, 1.0)}
     assert ('locked' in rows[3][1]) == (task not in ('pick_and_place', 'stack'))
@@ -83,7 +84,7 @@ def test_a_page_has_the_start_of_each_convention(task, page):
         [float(number) for number in cell.split(', ')] for cell in re.findall(r'\(([^)]*)\)', line)
     ]
     for convention, position in zip(tasks.conventions_of(task), written, strict=True):
-        time_step = fetch_composer.load(task, seed=0, convention=convention).reset()
+        time_step = episodes.shared(task, convention=convention).reset()
         gripper = time_step.observation['observation'][layout.WITH_OBJECT.grip_position]
         np.testing.assert_allclose(position, gripper, atol=1e-3)
 

@@ -41,7 +41,7 @@ def _follows(env):
 
 
 def test_the_same_environment_goes_on_as_it_did(task_name, options):
-    env = fetch_composer.load(task_name, seed=3, **options)
+    env = episodes.shared(task_name, 3, **options)
     state, expected = _taken(env)
     for _ in range(2):
         env.set_state(state)
@@ -50,21 +50,21 @@ def test_the_same_environment_goes_on_as_it_did(task_name, options):
 
 @pytest.mark.parametrize('steps', [0, 17, 49])
 def test_another_environment_goes_on_as_the_first_did(task_name, options, steps, tmp_path):
-    state, expected = _taken(fetch_composer.load(task_name, seed=3, **options), steps)
+    state, expected = _taken(episodes.shared(task_name, 3, **options), steps)
     state.save(tmp_path / 'state.npz')
     for copied in (pickle.loads(pickle.dumps(state)), State.load(tmp_path / 'state.npz')):
-        other = fetch_composer.load(task_name, seed=8, **options)
+        other = episodes.shared(task_name, 8, number=1, **options)
         other.set_state(copied)
         episodes.assert_same(_follows(other), expected)
 
 
 def test_a_batch_goes_on_as_single_environments_and_they_as_it(task_name, options):
-    singles = [fetch_composer.load(task_name, seed=i, **options) for i in range(2)]
+    singles = [episodes.shared(task_name, i, **options) for i in range(2)]
     taken = [_taken(single, 10 + i) for i, single in enumerate(singles)]
     batch = fetch_composer.BatchEnvironment(task_name, 3, seed=50, **options)
     batch.reset()
     batch.set_states([state for state, _ in taken], [2, 0])
-    back = fetch_composer.load(task_name, seed=9, **options)
+    back = episodes.shared(task_name, 9, number=1, **options)
     (again,) = batch.get_states([2])
     back.set_state(again)
     episodes.assert_same(_follows(back), taken[0][1])

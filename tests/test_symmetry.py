@@ -8,6 +8,7 @@ for _package in ('jax', 'optax'):
 
 import fetch_composer  # noqa: E402
 from fetch_composer.learning import symmetry  # noqa: E402
+from tests import episodes  # noqa: E402
 
 _STEPS = 16
 _SETTLING = 6
@@ -32,8 +33,8 @@ def _episode(task, convention, places, actions=None):
 
 @pytest.mark.parametrize('beside', [0.11, -0.12])
 def test_a_mirrored_episode_is_simulated_alike(task_name, convention, beside):
-    with fetch_composer.load(task_name, convention=convention) as env:
-        x, plane, _ = env.reset().observation['observation'][:3]
+    env = episodes.shared(task_name, convention=convention)
+    x, plane, _ = env.reset().observation['observation'][:3]
     there, here = {}, {}
     if task_name != 'reach':
         there = {'object_position': (x + 0.06, plane + beside)}
@@ -71,9 +72,8 @@ def test_the_gripper_moves_alike_elsewhere(convention, way):
     def run(first):
         actions = [np.append(first, [0, 0])] * _SETTLING + [np.zeros(4)] * _SETTLING
         actions += [np.array([np.sin(i), np.cos(i), np.sin(2 * i), 0]) for i in range(_STEPS)]
-        with fetch_composer.load('reach', convention=convention) as env:
-            env.reset()
-            seen = [env.step(each).observation['observation'] for each in actions]
+        env = episodes.shared('reach', convention=convention)
+        seen = [each.observation['observation'] for each in episodes.run(env, actions)[1:]]
         return np.array(seen[2 * _SETTLING - 1 :])
 
     here, there = run((0, 0)), run(way)

@@ -27,7 +27,7 @@ def _episode(env, policy):
 
 def test_an_episode_ends_with_the_first_step_at_the_goal(task_name, convention):
     env, whole = (
-        fetch_composer.load(task_name, seed=3, convention=convention, terminate_on_success=each)
+        episodes.shared(task_name, 3, convention=convention, terminate_on_success=each)
         for each in (True, False)
     )
     policy = policies.load('expert', env)
@@ -47,7 +47,7 @@ def test_an_episode_ends_with_the_first_step_at_the_goal(task_name, convention):
 def test_rows_of_a_batch_end_each_at_its_own_goal(task_name, convention):
     options = {'convention': convention, 'terminate_on_success': True, 'max_episode_steps': 12}
     # Where the object of the first one starts; the gripper gets there in some episodes.
-    first = fetch_composer.load(task_name, seed=0, convention=convention).reset().observation
+    first = episodes.shared(task_name, convention=convention).reset().observation
     options['goal'] = first['achieved_goal'] + (0.035 if task_name == 'reach' else 0.0)
     batch = fetch_composer.BatchEnvironment(task_name, 2, seed=0, **options)
     singles = [fetch_composer.load(task_name, seed=i, **options) for i in range(2)]
