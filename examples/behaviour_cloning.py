@@ -56,8 +56,8 @@ def main(args: argparse.Namespace) -> None:
         jnp.asarray(each, jnp.float32).reshape(-1, each.shape[-1])
         for each in (observations, np.repeat(goals[:, None], steps, axis=1), actions)
     )
-    key = jax.random.key(args.seed)
-    actor = networks.init(key, (networks.num_features(size), 256, 256, 4), last_gain=0.01)
+    draw = np.random.default_rng(args.seed)
+    actor = networks.init(draw, (networks.num_features(size), 256, 256, 4), last_gain=0.01)
     optimizer = optax.adam(optax.linear_schedule(_LEARNING_RATE, 0, args.updates))
 
     def loss(actor, batch):
@@ -75,6 +75,7 @@ def main(args: argparse.Namespace) -> None:
 
         return jax.lax.scan(body, state, jax.random.split(key, _UPDATES_A_CALL))
 
+    key = jax.random.key(args.seed)
     state = (actor, optimizer.init(actor))
     for i in range(args.updates // _UPDATES_A_CALL):
         key, own = jax.random.split(key)

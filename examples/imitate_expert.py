@@ -69,7 +69,7 @@ def main(args: argparse.Namespace) -> None:
 
     inputs = networks.num_features(size)
     scale_of = networks.FeatureStatistics(inputs)
-    actor = networks.init(jax.random.key(args.seed), (inputs, 128, 128, 4), last_gain=0.01)
+    actor = networks.init(draw, (inputs, 128, 128, 4), last_gain=0.01)
     optimizer = optax.scale_by_adam().init(actor)
     data: tuple[list, list, list] = ([], [], [])
     for i in range(args.rounds):

@@ -24,6 +24,7 @@ from fetch_composer.learning import curve, networks, settings, train  # noqa: E4
 
 _ROOT = pathlib.Path(__file__).parent.parent
 # Eight episodes an iteration, and networks that learn little: enough to go through all of it.
+# Forty updates an iteration, also where a test has other lengths: they are compiled once for all.
 _TINY = {
     'num_envs': 8,
     'environment_steps': 4 * 8 * 50,
@@ -126,7 +127,8 @@ def test_an_exported_policy_acts_as_the_network_does(pushed):
 
 
 def test_a_task_of_two_objects_is_learned_with_goals_of_both(tmp_path):
-    options = _options(tmp_path, 'stack', environment_steps=4 * 8 * 100, episode_steps=100)
+    steps = {'environment_steps': 4 * 8 * 100, 'episode_steps': 100, 'updates_per_step': 0.05}
+    options = _options(tmp_path, 'stack', **steps)
     run, summary = _run(options)
     assert summary['updates'] > 0
     with fetch_composer.load('stack', seed=1_000_000) as env:
@@ -173,7 +175,7 @@ def test_after_a_kill_the_same_command_goes_on_and_ends_with_a_report(tmp_path):
     flags += [
         '--set=environment_steps=10000000',
         '--set=num_envs=64',
-        '--set=updates_per_step=0.02',
+        '--set=updates_per_step=0.125',
         '--set=episode_steps=5',  # So that a thousand held-out episodes are soon over.
     ]
     flags += [f'--output_dir={tmp_path}', '--task=reach']

@@ -95,26 +95,25 @@ class FeatureStatistics:
         return Scale(mean.astype(np.float32), inverse.astype(np.float32))
 
 
-def init(key: jax.Array, sizes: Sequence[int], last_gain: float) -> Network:
-    """Returns a new network.
+def init(generator: np.random.Generator, sizes: Sequence[int], last_gain: float) -> Network:
+    """Returns a new network. NumPy draws it: JAX would compile code for each of its shapes.
 
     Args:
-        key: Decides on the weights.
+        generator: Draws the weights.
         sizes: Units of each layer, from the input to the output.
         last_gain: Scale of the last layer's weights; a small one begins with outputs near 0.
     """
     network = []
     for i, (rows, columns) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
-        key, own = jax.random.split(key)
         is_last = i == len(sizes) - 2
         gain = (last_gain if is_last else 1.5) / np.sqrt(rows)
         layer = {
-            'weight': gain * jax.random.normal(own, (rows, columns)),
-            'bias': jnp.zeros(columns),
+            'weight': gain * generator.standard_normal((rows, columns)),
+            'bias': np.zeros(columns),
         }
         if not is_last:
-            layer |= {'norm_scale': jnp.ones(columns), 'norm_bias': jnp.zeros(columns)}
-        network.append(layer)
+            layer |= {'norm_scale': np.ones(columns), 'norm_bias': np.zeros(columns)}
+        network.append({name: jnp.asarray(np.float32(each)) for name, each in layer.items()})
     return network
 
 

@@ -5,10 +5,12 @@ noise on the target's actions, and with layers normalised.
 """
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 
 from fetch_composer.learning import networks
@@ -41,30 +43,51 @@ class Learner(NamedTuple):
     critic_optimizer: optax.OptState
 
 
-def init(seed: int, settings: Settings, num_features: int) -> Learner:
-    """Returns a learner that has learned nothing."""
-    actor_key, *critic_keys = jax.random.split(jax.random.key(seed), 1 + _NUM_CRITICS)
-    actor_sizes = (num_features, *settings.hidden, networks.ACTION_SIZE)
-    critic_sizes = (num_features + networks.ACTION_SIZE, *settings.hidden, 1)
-    actor = networks.init(actor_key, actor_sizes, _ACTOR_GAIN)
-    critics = [networks.init(key, critic_sizes, _CRITIC_GAIN) for key in critic_keys]
+class Constants(NamedTuple):
+    """The settings that compiled updates contain; as in `Settings`."""
+
+    discount: float
+    target_rate: float
+    action_cost: float
+
+    @classmethod
+    def of(cls, settings: Settings) -> 'Constants':
+        """Returns those of a run."""
+        return cls(settings.discount, settings.target_rate, settings.action_cost)
+
+
+def init(generator: np.random.Generator, hidden: Sequence[int], num_features: int) -> Learner:
+    """Returns a learner that has learned nothing.
+
+    Args:
+        generator: Draws the weights.
+        hidden: Units of each hidden layer.
+        num_features: How many numbers the networks see.
+    """
+    actor = networks.init(generator, (num_features, *hidden, networks.ACTION_SIZE), _ACTOR_GAIN)
+    critic_sizes = (num_features + networks.ACTION_SIZE, *hidden, 1)
+    critics = [networks.init(generator, critic_sizes, _CRITIC_GAIN) for _ in range(_NUM_CRITICS)]
     return Learner(
         actor=actor,
         critics=critics,
-        target_actor=jax.tree.map(jnp.copy, actor),
-        target_critics=jax.tree.map(jnp.copy, critics),
+        target_actor=_copied(actor),
+        target_critics=_copied(critics),
         actor_optimizer=_OPTIMIZER.init(actor),
         critic_optimizer=_OPTIMIZER.init(critics),
     )
 
 
-@functools.partial(jax.jit, static_argnames='settings', donate_argnums=0)
+def _copied(tree):
+    return jax.tree.map(lambda each: jnp.asarray(np.array(each)), tree)
+
+
+@functools.partial(jax.jit, static_argnames='constants', donate_argnums=0)
 def update(
     learner: Learner,
     transitions: Transitions,
     scale: networks.Scale,
     learning_rate: float,
-    settings: Settings,
+    constants: Constants,
 ) -> tuple[Learner, jax.Array]:
     """Makes many updates.
 
@@ -74,17 +97,17 @@ def update(
             updated actor_delay times and the actor once.
         scale: How features are normalised.
         learning_rate: Step size of Adam.
-        settings: Settings of the run.
+        constants: Of the run.
 
     Returns:
         What has been learned, and the mean loss of the critics.
     """
-    critic_step = functools.partial(_update_critics, scale, learning_rate, settings)
+    critic_step = functools.partial(_update_critics, scale, learning_rate, constants)
 
     def body(learner: Learner, batches: Transitions) -> tuple[Learner, jax.Array]:
         learner, losses = jax.lax.scan(critic_step, learner, batches, unroll=True)
         last = jax.tree.map(lambda each: each[-1], batches)
-        return _update_actor(scale, learning_rate, settings, learner, last), losses.mean()
+        return _update_actor(scale, learning_rate, constants, learner, last), losses.mean()
 
     learner, losses = jax.lax.scan(body, learner, transitions)
     return learner, losses.mean()
@@ -93,7 +116,7 @@ def update(
 def _update_critics(
     scale: networks.Scale,
     learning_rate: float,
-    settings: Settings,
+    constants: Constants,
     learner: Learner,
     batch: Transitions,
 ) -> tuple[Learner, jax.Array]:
@@ -103,7 +126,7 @@ def _update_critics(
     next_values = [networks.value(each, next_x, next_action) for each in learner.target_critics]
     expected = functools.reduce(jnp.minimum, next_values)
     # With rewards of -1 and 0 no return lies outside.
-    target = jnp.clip(batch.reward + batch.discount * expected, -1 / (1 - settings.discount), 0)
+    target = jnp.clip(batch.reward + batch.discount * expected, -1 / (1 - constants.discount), 0)
 
     def loss(critics: list[networks.Network]) -> jax.Array:
         errors = [networks.value(each, x, batch.action) - target for each in critics]
@@ -115,7 +138,7 @@ def _update_critics(
     learner = learner._replace(
         critics=critics,
         critic_optimizer=optimizer,
-        target_critics=_follow(learner.target_critics, critics, settings),
+        target_critics=_follow(learner.target_critics, critics, constants),
     )
     return learner, value
 
@@ -123,7 +146,7 @@ def _update_critics(
 def _update_actor(
     scale: networks.Scale,
     learning_rate: float,
-    settings: Settings,
+    constants: Constants,
     learner: Learner,
     batch: Transitions,
 ) -> Learner:
@@ -131,7 +154,7 @@ def _update_actor(
 
     def loss(actor: networks.Network) -> jax.Array:
         action = networks.act(actor, x)
-        cost = settings.action_cost * jnp.square(action).mean()
+        cost = constants.action_cost * jnp.square(action).mean()
         return cost - networks.value(learner.critics[0], x, action).mean()
 
     gradient = jax.grad(loss)(learner.actor)
@@ -140,7 +163,7 @@ def _update_actor(
     return learner._replace(
         actor=actor,
         actor_optimizer=optimizer,
-        target_actor=_follow(learner.target_actor, actor, settings),
+        target_actor=_follow(learner.target_actor, actor, constants),
     )
 
 
@@ -148,6 +171,6 @@ def _descend(parameters, step, learning_rate: float):
     return jax.tree.map(lambda each, way: each - learning_rate * way, parameters, step)
 
 
-def _follow(targets, parameters, settings: Settings):
-    rate = settings.target_rate
+def _follow(targets, parameters, constants: Constants):
+    rate = constants.target_rate
     return jax.tree.map(lambda old, new: old + rate * (new - old), targets, parameters)

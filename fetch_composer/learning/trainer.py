@@ -62,14 +62,16 @@ class Trainer:
         )
         (size,) = self._batch.single_observation_spec()['observation'].shape
         self.observation_size = size
-        seeds = np.random.SeedSequence(seed).spawn(2)
-        # Two, since exploring and updates go on at the same time.
-        self._generator, self._exploring_generator = map(np.random.default_rng, seeds)
+        # Two, since exploring and updates go on at the same time, and one for the weights.
+        self._generator, self._exploring_generator, generator = map(
+            np.random.default_rng, np.random.SeedSequence(seed).spawn(3)
+        )
         self._replay = replay.HindsightReplay(settings, settings.episode_steps, size)
         self._statistics = networks.FeatureStatistics(networks.num_features(size))
         self._explorer = exploration.Explorer(settings, self._exploring_generator, relay)
         self._explorations = futures.ThreadPoolExecutor(max_workers=1)
-        self._learner = td3.init(seed, settings, networks.num_features(size))
+        self._learner = td3.init(generator, settings.hidden, networks.num_features(size))
+        self._constants = td3.Constants.of(settings)
         self._successes: list[float] = []
         self.iterations = 0
         self.updates = 0
@@ -156,7 +158,9 @@ class Trainer:
             transitions = self._replay.sample(self._generator, shape)
             if i > 0:
                 losses[-1].block_until_ready()
-            self._learner, loss = td3.update(self._learner, transitions, scale, rate, settings)
+            self._learner, loss = td3.update(
+                self._learner, transitions, scale, rate, self._constants
+            )
             losses.append(loss)
             self.updates += shape[0] * shape[1]
         self.loss = float(np.mean([float(each) for each in losses]))
