@@ -7,7 +7,6 @@ import json
 import pathlib
 import zipfile
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from typing import Any
 
 import mujoco
@@ -176,7 +175,7 @@ def identity(
         options.convention,
         options.action_mode,
         digest.hexdigest()[:16],
-        metadata.version('mujoco'),
+        mujoco.__version__,
         shapes={
             'physics': (mujoco.mj_stateSize(model, PHYSICS),),
             'gripper_pose': (7,),
