@@ -15,6 +15,11 @@ if 'JAX_COMPILATION_CACHE_DIR' not in os.environ:
     _compiled = tempfile.TemporaryDirectory(prefix='fetch_composer_tests_')
     os.environ['JAX_COMPILATION_CACHE_DIR'] = _compiled.name
     os.environ['JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS'] = '0.1'
+# As the learner's own command has it; and to compile well takes longer than these networks take.
+os.environ.setdefault(
+    'XLA_FLAGS',
+    '--xla_cpu_multi_thread_eigen=false --xla_backend_optimization_level=0',
+)
 
 # Models are trees of many small objects. Python would look through all of them a dozen times while one
 # is made, a third of the time.

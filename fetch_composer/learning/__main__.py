@@ -8,6 +8,10 @@ import os
 import pathlib
 import subprocess
 import sys
+import typing
+
+if typing.TYPE_CHECKING:
+    from fetch_composer.learning import train
 
 # The networks are so small that more threads would only wait for one another.
 _ONE_THREAD = '--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1'
@@ -98,15 +102,17 @@ def main(arguments: list[str] | None = None) -> int:
         f'open {folder / "curve.png"}',
         flush=True,
     )
-    return _explore(flags, folder, environment) if flags.report else 0
+    return _explore(options, environment) if flags.report else 0
 
 
-def _explore(flags: argparse.Namespace, folder: pathlib.Path, environment: dict[str, str]) -> int:
+def _explore(options: 'train.Options', environment: dict[str, str]) -> int:
     """Lets the explorer report on the policy; returns its exit status."""
     from fetch_composer.explorer.episodes import seeds
 
-    command = [sys.executable, '-m', 'fetch_composer.explorer', f'--task={flags.task}']
-    command += [f'--convention={flags.convention}', f'--policy={folder / "policy.onnx"}']
+    folder = options.output_dir
+    command = [sys.executable, '-m', 'fetch_composer.explorer', f'--task={options.task}']
+    command += [f'--convention={options.convention}', f'--policy={folder / "policy.onnx"}']
+    command += [f'--max_episode_steps={options.settings.episode_steps}']
     command += [f'--seed={seeds.TUNING.start}', f'--episodes={_REPORTED_EPISODES}']
     command += [f'--output_dir={folder / "report"}']
     return subprocess.run(command, env=environment, check=False).returncode
