@@ -21,8 +21,8 @@ os.environ.setdefault(
     '--xla_cpu_multi_thread_eigen=false --xla_backend_optimization_level=0',
 )
 
-# Models are trees of many small objects. Python would look through all of them a dozen times while one
-# is made, a third of the time.
+# Models are trees of many small objects. Python would look through all of them a dozen times while
+# one is made, for a third of the time.
 gc.set_threshold(100_000, 20, 20)
 
 import pytest  # noqa: E402
