@@ -1,4 +1,4 @@
-"""What relays do while learning: they bring the gripper to the object, and shove it."""
+"""What relays do while learning: they bring the gripper to the object, and shove or grip it."""
 
 import dataclasses
 
@@ -71,6 +71,18 @@ def test_shoves_move_the_object_far(task, convention):
     assert np.mean(with_shoves > 0.1) > np.mean(without > 0.1) + 0.15
 
 
+@pytest.mark.parametrize('convention', ['documented', 'gymnasium_robotics'])
+def test_grips_lift_the_object(convention):
+    heights = (
+        _explore(
+            'pick_and_place', convention, relay_share=1.0, shove_share=0.0, grip_share=share
+        ).observations[..., 5]
+        for share in (0.0, 1.0)
+    )
+    without, with_grips = (np.mean(each.max(axis=1) > each[:, 0] + 0.05) for each in heights)
+    assert without < 0.1 and with_grips > 0.2
+
+
 def test_without_relays_the_policy_acts_alone():
     assert not _explore('push', 'documented', relay_share=0.0).actions.any()
 
@@ -86,3 +98,26 @@ def test_a_shove_is_one_action_along_the_table_for_some_steps():
         assert np.abs(actions[at]).max(initial=0) <= 1
     assert set(lengths) <= {0, 1, 2, 3, 4, 5}
     assert np.mean(np.array(lengths) > 0) > 0.8
+
+
+def test_a_grip_closes_open_fingers_and_then_takes_one_action_for_some_steps():
+    episodes = _explore(
+        'pick_and_place', 'documented', relay_share=1.0, shove_share=0.0, grip_share=1.0
+    )
+    lengths = []
+    for actions in episodes.actions:
+        (at,) = np.nonzero(actions[:, 3] == -1)
+        lengths.append(len(at))
+        if len(at):
+            assert (np.diff(at) == 1).all()
+            assert (actions[: at[0], 3] == 1).all()
+            assert not actions[at[:3], :3].any()
+            assert (actions[at[3:]] == actions[at[3:4]]).all()
+            assert not actions[at[-1] + 1 :].any()
+    assert set(lengths) <= {0, *range(6, 20)}
+    assert np.mean(np.array(lengths) > 0) > 0.8
+
+
+def test_shares_of_relays_that_end_somehow_are_no_more_than_all():
+    with pytest.raises(ValueError, match='shove_share and grip_share must not exceed 1 together'):
+        settings.for_task('push', changes={'shove_share': 0.6, 'grip_share': 0.5})

@@ -1,4 +1,4 @@
-"""Exploring with one's own policy of Reach: it goes to the object, and may end in a shove.
+"""Exploring with one's own policy of Reach: it goes to the object, and may shove or grip it.
 
 It shortens what is the longest part at first: until the object is touched by accident, and then
 until it is moved any further than an accident moves it.
@@ -27,6 +27,12 @@ _AIM = 0.01  # m, the standard deviation of where it aims.
 # Half of those with a shove begin later, where the policy has brought the object by then.
 _LATER_STEPS = 30
 _LATER_SHARE = 0.5
+
+# A grip closes the fingers, which takes some steps, and then is one action, of any direction, for
+# some steps.
+_STEPS_TO_CLOSE = 3
+_STEPS_OF_GRIP = (6, 20)  # Those to close included.
+_FINGERS, _OPEN, _CLOSED = 3, 1.0, -1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +78,8 @@ class Relays:
         steps = draw.integers(*_STEPS, count)
         self._is_due = draw.random(count) < settings.relay_share
 
-        self._shoves = self._is_due & (draw.random(count) < settings.shove_share)
+        end = draw.random(count)
+        self._shoves = self._is_due & (end < settings.shove_share)
         later = draw.integers(_LATER_STEPS, size=count) * (draw.random(count) < _LATER_SHARE)
         self._steps_before = np.where(self._shoves, later, 0)
         self._steps_left = np.where(self._shoves, _STEPS_BEFORE_SHOVE, steps)
@@ -91,6 +98,16 @@ class Relays:
         which = draw.integers(len(starts), size=count)
         self._of_object = starts[which][:, None] + np.arange(3)
 
+        self._grips = self._is_due & ~self._shoves
+        self._grips &= end < settings.shove_share + settings.grip_share
+        self._grip_steps_left = np.zeros(count, int)
+        if settings.grip_share:
+            self._steps_left = np.where(self._grips, _STEPS[1], self._steps_left)
+            self._grip_steps = draw.integers(*_STEPS_OF_GRIP, count)
+            self._grip = np.zeros((count, networks.ACTION_SIZE))
+            self._grip[:, :3] = draw.uniform(-1, 1, (count, 3))
+            self._grip[:, _FINGERS] = _CLOSED
+
     def act(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
         """Returns (num_envs, 4) actions: those given, or a relay's where one is under way."""
         objects = np.take_along_axis(observation, self._of_object, axis=1)
@@ -102,6 +119,7 @@ class Relays:
         self._steps_left -= reaches
         self._is_due &= ~arrives
         action = self._act_shove(action, arrives & self._shoves, objects - observation[:, :3])
+        action = self._act_grip(action, arrives & self._grips)
         reaches &= ~arrives
         if not reaches.any():
             return action
@@ -109,7 +127,8 @@ class Relays:
         seen[:, :3] += self._shift
         reaching = self._relay.policy.act(seen, (place + self._shift).astype(np.float32))
         reaching = reaching + self._noise * self._generator.standard_normal(reaching.shape)
-        reaching[:, 3] = action[:, 3]  # Reach has no use for the fingers, and knows none.
+        # Reach has no use for the fingers, and knows none.
+        reaching[:, _FINGERS] = np.where(self._grips, _OPEN, action[:, _FINGERS])
         return np.where(reaches[:, None], reaching, action)
 
     def _act_shove(self, action: np.ndarray, begins: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -128,3 +147,14 @@ class Relays:
         is_shoving = self._shove_steps_left > 0
         self._shove_steps_left -= is_shoving
         return np.where(is_shoving[:, None], self._shove, action)
+
+    def _act_grip(self, action: np.ndarray, begins: np.ndarray) -> np.ndarray:
+        """Returns the actions given, or those of grips, which begin where it is said."""
+        self._grip_steps_left[begins] = self._grip_steps[begins] if begins.any() else 0
+        is_gripping = self._grip_steps_left > 0
+        if not is_gripping.any():
+            return action
+        closes = is_gripping & (self._grip_steps_left > self._grip_steps - _STEPS_TO_CLOSE)
+        self._grip_steps_left -= is_gripping
+        grip = np.where(closes[:, None], np.array([0, 0, 0, _CLOSED]), self._grip)
+        return np.where(is_gripping[:, None], grip, action)

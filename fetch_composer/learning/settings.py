@@ -13,7 +13,7 @@ TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, see
 
 _SHARES = (
     'hindsight_share', 'mirror_share', 'moved_share', 'lifted_share', 'uniform_share',
-    'final_noise', 'noise_falls_until', 'relay_share', 'shove_share',
+    'final_noise', 'noise_falls_until', 'relay_share', 'shove_share', 'grip_share',
 )  # fmt: skip
 _MAY_BE_ZERO = ('noise', 'action_cost', 'shift', 'relay_spread', 'random_iterations')
 
@@ -54,6 +54,8 @@ class Settings:
         relay_share: Share of exploring episodes that begin by reaching for the object.
         shove_share: Share of relays that end in a shove: one action, towards the object, for some
             steps.
+        grip_share: Share of relays that end in a grip: the fingers, open so far, close, and stay
+            closed while one action is taken for some steps.
         relay_steps: Control steps for which Reach is learned before, for the relay.
         relay_spread: They reach for a place up to this many m beside it.
         evaluate_every: Iterations from one point of the curve to the next.
@@ -86,6 +88,7 @@ class Settings:
     noise_falls_until: float = 1.0
     relay_share: float = 0.5
     shove_share: float = 0.6
+    grip_share: float = 0.0
     relay_steps: int = 9_600
     relay_spread: float = 0.06
     evaluate_every: int = 5
@@ -108,15 +111,19 @@ class Settings:
                 raise ValueError(f'{field.name} must be positive, got {value}.')
         if not self.discount < 1:
             raise ValueError(f'discount must be less than 1, got {self.discount}.')
-        if self.moved_share + self.lifted_share > 1:
-            raise ValueError('moved_share and lifted_share must not exceed 1 together.')
+        for first, second in (('moved_share', 'lifted_share'), ('shove_share', 'grip_share')):
+            if getattr(self, first) + getattr(self, second) > 1:
+                raise ValueError(f'{first} and {second} must not exceed 1 together.')
         if not self.noise_falls_until:
             raise ValueError('noise_falls_until must not be 0.')
 
 
-# A grasp is a rare accident. The relay brings the open gripper right to the block, and what was
-# lifted is rehearsed more often.
+# A grasp is a rare accident. The relay brings the open gripper right to the block, for which it has
+# to be better learned, and often closes it there; and what was lifted is rehearsed more often.
 _GRASP: dict[str, Any] = {
+    'relay_steps': 16_000,
+    'shove_share': 0.3,
+    'grip_share': 0.5,
     'relay_spread': 0.02,
     'lifted_share': 0.2,
     'evaluate_every': 10,
@@ -138,7 +145,7 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'evaluate_every': 2,
     },
     'push': {},
-    'pick_and_place': {'environment_steps': 400_000, **_GRASP},
+    'pick_and_place': {'environment_steps': 280_000, **_GRASP},
     'stack': {'environment_steps': 1_000_000, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # Its wall stays where it is.
