@@ -59,6 +59,19 @@ def _run_stopped(options, after):
     return run
 
 
+@pytest.fixture(scope='module')
+def stopped_once(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('stopped')
+    _run_stopped(_options(folder), after=4)
+    return folder
+
+
+@pytest.fixture
+def unfinished(stopped_once, tmp_path):
+    """The folder of a run of seven episodes that was stopped after four."""
+    return shutil.copytree(stopped_once, tmp_path / 'unfinished')
+
+
 def _arrays(folder):
     with np.load(folder / 'trajectories.npz') as file:
         return dict(file)
@@ -134,11 +147,10 @@ def test_a_comparison_is_continued_policy_by_policy(tmp_path):
     assert _figures(options.folder) == _figures(tmp_path / 'whole')
 
 
-def test_more_episodes_can_be_asked_of_an_unfinished_run(tmp_path):
-    _run_stopped(_options(tmp_path), after=4)
-    run = _run(_options(tmp_path, episodes=9, seed=2))
+def test_more_episodes_can_be_asked_of_an_unfinished_run(unfinished):
+    run = _run(_options(unfinished, episodes=9, seed=2))
     assert run.continued == 4
-    assert _arrays(tmp_path)['seed'].tolist() == list(range(2, 11))
+    assert _arrays(unfinished)['seed'].tolist() == list(range(2, 11))
 
 
 def test_a_finished_run_is_run_anew(tmp_path):
@@ -146,9 +158,8 @@ def test_a_finished_run_is_run_anew(tmp_path):
     assert _run(_options(tmp_path)).continued == 0
 
 
-def test_an_unfinished_run_of_other_options_is_left_alone(tmp_path):
-    _run_stopped(_options(tmp_path), after=4)
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*') if path.is_file()}
+def test_an_unfinished_run_of_other_options_is_left_alone(unfinished):
+    before = {path: path.stat().st_mtime_ns for path in unfinished.rglob('*') if path.is_file()}
     for changes, name in (
         ({'reward_type': 'dense'}, 'reward_type'),
         ({'policy': ['zero']}, 'policies'),
@@ -157,10 +168,10 @@ def test_an_unfinished_run_of_other_options_is_left_alone(tmp_path):
         ({'max_episode_steps': 3}, 'max_episode_steps'),
     ):
         with pytest.raises(ValueError, match=f'unfinished run that differs in {name}:.*--fresh'):
-            run_lib.Run(_options(tmp_path, **changes), None)
-    after = {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*') if path.is_file()}
+            run_lib.Run(_options(unfinished, **changes), None)
+    after = {path: path.stat().st_mtime_ns for path in unfinished.rglob('*') if path.is_file()}
     assert after == before
-    run = _run(_options(tmp_path, reward_type='dense'), fresh=True)
+    run = _run(_options(unfinished, reward_type='dense'), fresh=True)
     assert run.continued == 0 and run.finished == 7
 
 
@@ -195,21 +206,19 @@ _DAMAGES = (_emptied, _cut_off, _of_something_else, _a_folder, lambda p: p.write
 
 
 @pytest.mark.parametrize('damage', _DAMAGES)
-def test_an_unreadable_file_of_the_store_is_run_again(tmp_path, damage):
-    options = _options(tmp_path)
-    _run_stopped(options, after=4)
-    for path in tmp_path.glob(f'{store.NAME}/*/episodes*.npz'):
+def test_an_unreadable_file_of_the_store_is_run_again(unfinished, damage):
+    options = _options(unfinished)
+    for path in unfinished.glob(f'{store.NAME}/*/episodes*.npz'):
         damage(path)
     run = _run(options)
     assert run.continued == 0 and run.finished == 7
-    assert _arrays(tmp_path)['seed'].tolist() == list(options.seeds)
+    assert _arrays(unfinished)['seed'].tolist() == list(options.seeds)
 
 
-def test_changed_code_does_not_continue_what_other_code_began(tmp_path, monkeypatch):
-    _run_stopped(_options(tmp_path), after=4)
+def test_changed_code_does_not_continue_what_other_code_began(unfinished, monkeypatch):
     monkeypatch.setattr(provenance, 'code_digest', lambda: 'other')
     with pytest.raises(ValueError, match='differs in code'):
-        run_lib.Run(_options(tmp_path), None)
+        run_lib.Run(_options(unfinished), None)
 
 
 def test_a_changed_mesh_does_not_continue_what_another_began(tmp_path, mesh):
