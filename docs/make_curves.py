@@ -7,7 +7,6 @@ learns nothing and only writes what is there.
 """
 
 import argparse
-import dataclasses
 import pathlib
 import shutil
 import subprocess
@@ -21,7 +20,7 @@ from benchmarks import markdown
 from fetch_composer import policies
 from fetch_composer.explorer import files
 from fetch_composer.explorer.pictures import style
-from fetch_composer.learning import curve, settings
+from fetch_composer.learning import curve, settings, train
 
 _DOCS = pathlib.Path(__file__).parent
 _DATA = _DOCS / 'curves'
@@ -51,9 +50,9 @@ def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
                 if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task):
                     continue
                 print(name, flush=True)
-                command = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
+                words = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
                 flags = [f'--convention={convention}', f'--seed={seed}', '--no-report']
-                subprocess.run([*command, *flags, f'--output_dir={runs / name}'], check=True)
+                subprocess.run([*words, *flags, f'--output_dir={runs / name}'], check=True)
                 keep(runs / name, name)
 
 
@@ -61,8 +60,30 @@ def _has_usual_settings(summary: dict, task: str) -> bool:
     """Returns whether a run is finished, and was made as `--task` alone makes it."""
     if not summary:
         return False
-    made = {**summary['settings'], 'hidden': tuple(summary['settings']['hidden'])}
-    return made == dataclasses.asdict(settings.for_task(task))
+    return _settings(summary) == settings.for_task(task)
+
+
+def _settings(summary: dict) -> settings.Settings:
+    made = summary['settings']
+    return settings.Settings(**{**made, 'hidden': tuple(made['hidden'])})
+
+
+def learned() -> dict[pathlib.Path, dict]:
+    """Returns the file and the figures of each run, and of each policy that was learned."""
+    paths = sorted((*_DATA.glob('*.json'), *_POLICIES.glob('*.json')))
+    summaries = {path: files.load_json(path) for path in paths}
+    return {path: each for path, each in summaries.items() if 'settings' in each}
+
+
+def command(summary: dict) -> str:
+    """Returns the command that makes a run today, when defaults may be others than they were."""
+    options = train.Options(
+        **{name: summary[name] for name in ('task', 'convention', 'seed')},
+        settings=_settings(summary),
+        minutes=None,
+        output_dir=_DATA,
+    )
+    return options.command
 
 
 def keep(run: pathlib.Path, name: str) -> None:
@@ -183,6 +204,8 @@ def main(args: argparse.Namespace) -> None:
     _DATA.mkdir(exist_ok=True)
     if not args.draw:
         _learn(args.runs, args.seeds)
+    for path, summary in learned().items():
+        files.save_json(path, {**summary, 'command': command(summary)})
     _draw()
     markdown.write_between_markers(_DOCS / 'learning.md', _CURVES_TABLE, _table())
     markdown.write_between_markers(_DOCS / 'policies.md', _POLICIES_TABLE, _policies())

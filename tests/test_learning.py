@@ -18,6 +18,7 @@ for _package in ('jax', 'optax', 'onnx', 'onnxruntime'):
 import onnxruntime  # noqa: E402
 
 import fetch_composer  # noqa: E402
+from docs import make_curves  # noqa: E402
 from fetch_composer import policies  # noqa: E402
 from fetch_composer.learning import __main__ as command  # noqa: E402
 from fetch_composer.learning import curve, networks, settings, train  # noqa: E402
@@ -275,6 +276,13 @@ def test_a_file_that_is_no_checkpoint_is_named(tmp_path):
     (tmp_path / 'checkpoint.npz').write_bytes(b'not one')
     with pytest.raises(ValueError, match='checkpoint.npz cannot be read'):
         train.Run(_options(tmp_path))
+
+
+def test_the_command_beside_a_curve_or_a_policy_has_all_that_is_no_default_any_more():
+    runs = make_curves.learned()
+    assert len(runs) > 20
+    for path, summary in runs.items():
+        assert summary['command'] == make_curves.command(summary), f'{path}: make_curves --draw'
 
 
 def test_training_tuning_and_judging_share_no_episode():
