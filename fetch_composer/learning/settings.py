@@ -119,11 +119,13 @@ class Settings:
 
 
 # A grasp is a rare accident. The relay brings the open gripper right to the block, for which it has
-# to be better learned, and often closes it there; and what was lifted is rehearsed more often.
+# to be better learned, and often closes it there; what was lifted is rehearsed more often, and
+# dropped less often by an action that is drawn.
 _GRASP: dict[str, Any] = {
     'relay_steps': 16_000,
     'shove_share': 0.3,
     'grip_share': 0.5,
+    'uniform_share': 0.1,
     'relay_spread': 0.02,
     'lifted_share': 0.2,
     'evaluate_every': 10,
