@@ -56,9 +56,10 @@ def shared(task_name: str, seed: int = 0, number: int = 0, **options):
         **options: As for `load`.
     """
     key = repr((task_name, number, sorted(options.items())))
-    env = _SHARED.get(key) or _SHARED.setdefault(key, fetch_composer.load(task_name, **options))
-    env.seed(seed)
-    return env
+    if key not in _SHARED:
+        _SHARED[key] = fetch_composer.load(task_name, **options)
+    _SHARED[key].seed(seed)
+    return _SHARED[key]
 
 
 def run(env, actions) -> list:

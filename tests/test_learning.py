@@ -282,6 +282,7 @@ def test_the_command_beside_a_curve_or_a_policy_has_all_that_is_no_default_any_m
     runs = make_curves.learned()
     assert len(runs) > 20
     for path, summary in runs.items():
+        assert tuple(summary['settings']) == settings.names(), path
         assert summary['command'] == make_curves.command(summary), f'{path}: make_curves --draw'
 
 

@@ -59,12 +59,12 @@ def test_another_environment_goes_on_as_the_first_did(task_name, options, steps,
 
 
 def test_a_batch_goes_on_as_single_environments_and_they_as_it(task_name, options):
-    singles = [episodes.shared(task_name, i, **options) for i in range(2)]
+    singles = [episodes.shared(task_name, i, number=i, **options) for i in range(2)]
     taken = [_taken(single, 10 + i) for i, single in enumerate(singles)]
     batch = fetch_composer.BatchEnvironment(task_name, 3, seed=50, **options)
     batch.reset()
     batch.set_states([state for state, _ in taken], [2, 0])
-    back = episodes.shared(task_name, 9, number=1, **options)
+    back = episodes.shared(task_name, 9, number=2, **options)
     (again,) = batch.get_states([2])
     back.set_state(again)
     episodes.assert_same(_follows(back), taken[0][1])

@@ -33,6 +33,7 @@ _LATER_SHARE = 0.5
 _STEPS_TO_CLOSE = 3
 _STEPS_OF_GRIP = (6, 20)  # Those to close included.
 _FINGERS, _OPEN, _CLOSED = 3, 1.0, -1.0
+_CLOSING = np.array([0, 0, 0, _CLOSED])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,10 +84,10 @@ class Relays:
         later = draw.integers(_LATER_STEPS, size=count) * (draw.random(count) < _LATER_SHARE)
         self._steps_before = np.where(self._shoves, later, 0)
         self._steps_left = np.where(self._shoves, _STEPS_BEFORE_SHOVE, steps)
-        self._shove_steps_left = np.zeros(count, int)
-        self._shove_steps = draw.integers(*_STEPS_OF_SHOVE, count)
+        self._held_steps_left = np.zeros(count, int)
+        self._held_steps = draw.integers(*_STEPS_OF_SHOVE, count)
         self._strength = draw.uniform(*_STRENGTHS, (count, 1))
-        self._shove = np.zeros((count, networks.ACTION_SIZE))
+        self._held = np.zeros((count, networks.ACTION_SIZE))
 
         layouts = layout.of_size(observation.shape[-1])
         at = layouts[0]
@@ -100,13 +101,11 @@ class Relays:
 
         self._grips = self._is_due & ~self._shoves
         self._grips &= end < settings.shove_share + settings.grip_share
-        self._grip_steps_left = np.zeros(count, int)
-        if settings.grip_share:
-            self._steps_left = np.where(self._grips, _STEPS[1], self._steps_left)
-            self._grip_steps = draw.integers(*_STEPS_OF_GRIP, count)
-            self._grip = np.zeros((count, networks.ACTION_SIZE))
-            self._grip[:, :3] = draw.uniform(-1, 1, (count, 3))
-            self._grip[:, _FINGERS] = _CLOSED
+        if settings.grip_share:  # Without, nothing more is drawn.
+            self._steps_left[self._grips] = _STEPS[1]
+            self._held_steps[self._grips] = draw.integers(*_STEPS_OF_GRIP, count)[self._grips]
+            self._held[self._grips, :3] = draw.uniform(-1, 1, (count, 3))[self._grips]
+            self._held[self._grips, _FINGERS] = _CLOSED
 
     def act(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
         """Returns (num_envs, 4) actions: those given, or a relay's where one is under way."""
@@ -118,8 +117,7 @@ class Relays:
         arrives = reaches & ((self._steps_left <= 0) | (way <= _ARRIVED))
         self._steps_left -= reaches
         self._is_due &= ~arrives
-        action = self._act_shove(action, arrives & self._shoves, objects - observation[:, :3])
-        action = self._act_grip(action, arrives & self._grips)
+        action = self._act_held(action, arrives, objects - observation[:, :3])
         reaches &= ~arrives
         if not reaches.any():
             return action
@@ -131,30 +129,23 @@ class Relays:
         reaching[:, _FINGERS] = np.where(self._grips, _OPEN, action[:, _FINGERS])
         return np.where(reaches[:, None], reaching, action)
 
-    def _act_shove(self, action: np.ndarray, begins: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Returns the actions given, or those of shoves.
+    def _act_held(self, action: np.ndarray, begins: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Returns the actions given, or those that are held: of shoves, and of grips.
 
         Args:
             action: (num_envs, 4) what is done elsewhere.
-            begins: (num_envs,) where a shove begins now.
+            begins: (num_envs,) where a relay ends now.
             way: (num_envs, 3) in m from the gripper to the object.
         """
-        if begins.any():
+        shoves = begins & self._shoves
+        if shoves.any():
             aim = way[:, :2] + _AIM * self._generator.standard_normal((len(way), 2))
             aim = aim / np.abs(aim).max(axis=1, keepdims=True)
-            self._shove[begins, :2] = np.clip(aim * self._strength, -1, 1)[begins]
-            self._shove_steps_left[begins] = self._shove_steps[begins]
-        is_shoving = self._shove_steps_left > 0
-        self._shove_steps_left -= is_shoving
-        return np.where(is_shoving[:, None], self._shove, action)
-
-    def _act_grip(self, action: np.ndarray, begins: np.ndarray) -> np.ndarray:
-        """Returns the actions given, or those of grips, which begin where it is said."""
-        self._grip_steps_left[begins] = self._grip_steps[begins] if begins.any() else 0
-        is_gripping = self._grip_steps_left > 0
-        if not is_gripping.any():
-            return action
-        closes = is_gripping & (self._grip_steps_left > self._grip_steps - _STEPS_TO_CLOSE)
-        self._grip_steps_left -= is_gripping
-        grip = np.where(closes[:, None], np.array([0, 0, 0, _CLOSED]), self._grip)
-        return np.where(is_gripping[:, None], grip, action)
+            self._held[shoves, :2] = np.clip(aim * self._strength, -1, 1)[shoves]
+        begins = shoves | (begins & self._grips)
+        self._held_steps_left[begins] = self._held_steps[begins]
+        is_held = self._held_steps_left > 0
+        closes = self._grips & (self._held_steps_left > self._held_steps - _STEPS_TO_CLOSE)
+        self._held_steps_left -= is_held
+        held = np.where(closes[:, None], _CLOSING, self._held)
+        return np.where(is_held[:, None], held, action)
