@@ -27,11 +27,23 @@ class _DoNothing:
         return np.zeros((len(observation), 4), np.float32)
 
 
-def _explore(task, convention, **changes):
+class _Recorder(_StraightToTheGoal):
+    """Keeps what it was shown."""
+
+    def __init__(self):
+        self.observations, self.goals = [], []
+
+    def act(self, observation, goal):
+        self.observations.append(observation)
+        self.goals.append(goal)
+        return super().act(observation, goal)
+
+
+def _explore(task, convention, reach=None, start=(0,) * 10, **changes):
     """Returns an exploring episode of each environment, by a policy that does nothing itself."""
     quiet = {'noise': 0.0, 'uniform_share': 0.0}
     chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
-    reaching = relay.Relay(_StraightToTheGoal(), np.zeros(2))
+    reaching = relay.Relay(reach or _StraightToTheGoal(), np.array(start))
     explorer = exploration.Explorer(chosen, np.random.default_rng(0), reaching)
     batch = BatchEnvironment(task, _NUM_ENVS, convention=convention)
     try:
@@ -116,6 +128,26 @@ def test_a_grip_closes_open_fingers_and_then_takes_one_action_for_some_steps():
             assert not actions[at[-1] + 1 :].any()
     assert set(lengths) <= {0, *range(6, 20)}
     assert np.mean(np.array(lengths) > 0) > 0.8
+
+
+@pytest.mark.parametrize('convention', ['documented', 'gymnasium_robotics'])
+@pytest.mark.parametrize('task', ['push', 'slide', 'pick_and_place'])
+def test_the_policy_of_reach_is_shown_what_it_knows(task, convention):
+    batch = BatchEnvironment('reach', 1, convention=convention)
+    known = batch.reset().observation['observation'][0]
+    batch.close()
+    recorder = _Recorder()
+    episodes = _explore(task, convention, recorder, known, relay_share=1.0)
+    start = np.array([each[:, :3] for each in recorder.observations])[0]
+    assert start[:, :2] == pytest.approx(np.tile(known[:2], (len(start), 1)), abs=1e-6)
+    fingers, finger_velocities = slice(3, 5), slice(8, 10)
+    for part in (fingers, finger_velocities):
+        shown = np.concatenate([each[:, part] for each in recorder.observations])
+        assert np.unique(shown, axis=0) == pytest.approx(known[None, part])
+    # It is a place next to the object that it is to reach, as seen from the gripper.
+    way = recorder.goals[0] - recorder.observations[0][:, :3]
+    to_object = episodes.observations[:, 0, 3:6] - episodes.observations[:, 0, :3]
+    assert np.abs(way - to_object).max() < 0.061
 
 
 def test_shares_of_relays_that_end_somehow_are_no_more_than_all():

@@ -28,10 +28,11 @@ _AIM = 0.01  # m, the standard deviation of where it aims.
 _LATER_STEPS = 30
 _LATER_SHARE = 0.5
 
-# A grip closes the fingers, which takes some steps, and then is one action, of any direction, for
-# some steps.
+# A grip closes the fingers, which takes some steps, and then is one action, of any direction but
+# down, for some steps.
 _STEPS_TO_CLOSE = 3
 _STEPS_OF_GRIP = (6, 20)  # Those to close included.
+_WAYS_OF_GRIP = (-1, -1, 0)  # The least of each axis; the most is 1.
 _FINGERS, _OPEN, _CLOSED = 3, 1.0, -1.0
 _CLOSING = np.array([0, 0, 0, _CLOSED])
 
@@ -42,8 +43,9 @@ class Relay:
 
     Attributes:
         policy: What was learned of Reach.
-        start: (2,) x and y in m at which the gripper starts in Reach. Other tasks have their
-            robot elsewhere: places are moved by the difference.
+        start: (10,) what Reach observes as an episode begins. Other tasks have their robot
+            elsewhere: places are moved by the difference. And where fingers are blocked, as in
+            Reach, a policy learns nothing of them: it is shown those that it knows.
     """
 
     policy: networks.Policy
@@ -74,7 +76,7 @@ class Relays:
         beside = draw.uniform(-settings.relay_spread, settings.relay_spread, (count, 2))
         self._offset = np.column_stack([beside, draw.uniform(*_HEIGHTS, count)])
         self._shift = np.zeros((count, 3))
-        self._shift[:, :2] = relay.start - observation[:, :2]
+        self._shift[:, :2] = relay.start[:2] - observation[:, :2]
         self._noise = draw.choice(_NOISE, (count, 1))
         steps = draw.integers(*_STEPS, count)
         self._is_due = draw.random(count) < settings.relay_share
@@ -91,10 +93,12 @@ class Relays:
 
         layouts = layout.of_size(observation.shape[-1])
         at = layouts[0]
-        # What Reach observes of the gripper.
+        # What Reach observes of the gripper, and of that, what the policy is shown as it is.
         self._of_gripper = np.r_[
             at.grip_position, at.fingers, at.grip_velocity, at.finger_velocities
         ]
+        in_reach = layout.WITHOUT_OBJECT
+        self._fingers = np.r_[in_reach.fingers, in_reach.finger_velocities]
         starts = np.array([each.object_position.start for each in layouts])
         which = draw.integers(len(starts), size=count)
         self._of_object = starts[which][:, None] + np.arange(3)
@@ -104,7 +108,8 @@ class Relays:
         if settings.grip_share:  # Without, nothing more is drawn.
             self._steps_left[self._grips] = _STEPS[1]
             self._held_steps[self._grips] = draw.integers(*_STEPS_OF_GRIP, count)[self._grips]
-            self._held[self._grips, :3] = draw.uniform(-1, 1, (count, 3))[self._grips]
+            ways = draw.uniform(_WAYS_OF_GRIP, 1, (count, 3))
+            self._held[self._grips, :3] = ways[self._grips]
             self._held[self._grips, _FINGERS] = _CLOSED
 
     def act(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
@@ -123,6 +128,7 @@ class Relays:
             return action
         seen = observation[:, self._of_gripper]
         seen[:, :3] += self._shift
+        seen[:, self._fingers] = self._relay.start[self._fingers]
         reaching = self._relay.policy.act(seen, (place + self._shift).astype(np.float32))
         reaching = reaching + self._noise * self._generator.standard_normal(reaching.shape)
         # Reach has no use for the fingers, and knows none.

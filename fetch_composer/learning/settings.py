@@ -118,17 +118,15 @@ class Settings:
             raise ValueError('noise_falls_until must not be 0.')
 
 
-# A grasp is a rare accident. The relay brings the open gripper right to the block, for which it has
-# to be better learned, and often closes it there; what was lifted is rehearsed more often, and
-# dropped less often by an action that is drawn.
+# A grasp is a rare accident. The relay brings the open gripper right to the block, and often closes
+# it there; what was lifted is rehearsed more often, and dropped less often by an action that is
+# drawn.
 _GRASP: dict[str, Any] = {
-    'relay_steps': 16_000,
     'shove_share': 0.3,
     'grip_share': 0.5,
     'uniform_share': 0.1,
     'relay_spread': 0.02,
     'lifted_share': 0.2,
-    'evaluate_every': 10,
 }
 
 # Where a task differs from the settings above, and why.
@@ -147,8 +145,8 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'evaluate_every': 2,
     },
     'push': {},
-    'pick_and_place': {'environment_steps': 280_000, **_GRASP},
-    'stack': {'environment_steps': 1_000_000, **_GRASP},
+    'pick_and_place': _GRASP,
+    'stack': {'environment_steps': 1_000_000, 'evaluate_every': 10, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # Its wall stays where it is.
     'push_around': {'shift': 0.0},

@@ -207,7 +207,7 @@ class Run:
         if state is None:
             while not trainer.is_done:
                 trainer.iterate()
-            policy, start = trainer.policy, trainer.gripper_start
+            policy, start = trainer.policy, trainer.start
             self._relay_counts = np.array((trainer.environment_steps, trainer.updates))
         else:
             policy = unflatten('relay', trainer.policy, state)

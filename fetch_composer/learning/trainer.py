@@ -31,7 +31,7 @@ class Trainer:
         updates: Updates of the critics so far.
         loss: Mean loss of the critics in the last iteration.
         observation_size: How many numbers the networks observe, the goal's apart.
-        gripper_start: (2,) x and y in m at which the gripper starts.
+        start: (size,) an observation as an episode begins; zeros before the first.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Trainer:
         self.iterations = 0
         self.updates = 0
         self.loss = 0.0
-        self.gripper_start = np.zeros(2)
+        self.start = np.zeros(size, np.float32)
 
     @property
     def environment_steps(self) -> int:
@@ -121,7 +121,7 @@ class Trainer:
                 self._update()
         finally:
             episodes = exploring.result()
-        self.gripper_start = episodes.observations[0, 0, :2]
+        self.start = episodes.observations[0, 0]
         self._replay.add(episodes)
         self._statistics.add(episodes.observations, episodes.goals)
         self._successes.append(float(episodes.is_success().mean()))
