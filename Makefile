@@ -137,7 +137,7 @@ $(VENV)/.bench: $(VENV)/.test
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
-.venv-clients-torch/.installed: EXTRA = [explore,zoo,torchrl]
+.venv-clients-torch/.installed: EXTRA = [explore,sbx,zoo,torchrl]
 .venv-clients-ray/.installed: EXTRA = [ray]
 .venv-clients-minari/.installed: EXTRA = [minari,ogbench,learn]
 .venv-clients-lerobot/.installed: EXTRA = [lerobot]

@@ -27,6 +27,7 @@ SB3 = [
     'moviepy>=2',  # For VecVideoRecorder, and for Gymnasium's RecordVideo.
     *GYMNASIUM,
 ]
+SBX = ['sbx-rl>=0.28,<0.29', *SB3]
 RL_ZOO = ['rl_zoo3>=2.9.2,<2.10', *SB3]
 TORCHRL = ['torchrl==0.14.1', 'tensordict>=0.14,<0.15', *GYMNASIUM]
 RAY = ['ray>=2.60,<2.61']
@@ -79,6 +80,7 @@ setuptools.setup(
         'learn': LEARN,
         'onnx': ONNX,
         'sb3': SB3,
+        'sbx': SBX,
         'zoo': RL_ZOO,
         'torchrl': TORCHRL,
         'ray': RAY + EXPLORE,

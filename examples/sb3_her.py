@@ -2,7 +2,11 @@
 
 pip install -e '.[sb3]'
 python examples/sb3_her.py
-python examples/sb3_her.py --env fetch_composer/FetchPush-v2 --steps 500000
+
+SBX is the same algorithm with networks in JAX, which are updated faster:
+
+pip install -e '.[sbx]'
+python examples/sb3_her.py --library sbx
 
 What it takes: an update for every two control steps; inputs that are normalised, since all of them
 are within centimetres; layers that are normalised; and large noise on some of the actions.
@@ -11,14 +15,17 @@ are within centimetres; layers that are normalised; and large noise on some of t
 import argparse
 import pathlib
 import time
+from collections.abc import Callable
 
 import gymnasium as gym
 import numpy as np
+import stable_baselines3
 import torch
 from matplotlib import pyplot as plt
-from stable_baselines3 import TD3, HerReplayBuffer
+from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common import env_checker
 from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fetch_composer.explorer.episodes import seeds
@@ -26,6 +33,7 @@ from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--env', default='fetch_composer/FetchReach-v2', help='Gymnasium id')
+parser.add_argument('--library', default='stable_baselines3', choices=['stable_baselines3', 'sbx'])
 parser.add_argument('--steps', type=int, default=32_000, help='environment steps to train for')
 parser.add_argument('--num_envs', type=int, default=64, help='environments in the batch')
 parser.add_argument('--gradient_steps', type=int, default=32, help='per step of the batch')
@@ -43,6 +51,16 @@ class NormalisedReLU(torch.nn.Module):
         return torch.relu(torch.nn.functional.layer_norm(x, x.shape[-1:]))
 
 
+def algorithm(library: str) -> tuple[type[OffPolicyAlgorithm], Callable]:
+    """Returns a library's TD3, and for its networks what `NormalisedReLU` does."""
+    if library == 'stable_baselines3':
+        return stable_baselines3.TD3, NormalisedReLU
+    import jax
+    import sbx
+
+    return sbx.TD3, lambda x: jax.nn.relu(jax.nn.standardize(x))
+
+
 class Exploration(ActionNoise):
     """Normal noise, and now and then so much that the policy's own action hardly matters."""
 
@@ -56,7 +74,7 @@ class Exploration(ActionNoise):
         return np.random.normal(0, self._deviation, 4)
 
 
-def success_rate(model: TD3, env: VecNormalize) -> float:
+def success_rate(model: OffPolicyAlgorithm, env: VecNormalize) -> float:
     """Returns how often the policy succeeds in one episode of each environment, without noise."""
     env.obs_rms = model.get_vec_normalize_env().obs_rms
     env.seed(seeds.TUNING.start)
@@ -71,9 +89,11 @@ def main(args: argparse.Namespace) -> None:
     torch.set_num_threads(1)  # The networks are small: more threads wait for one another.
     env_checker.check_env(gym.make(args.env).unwrapped)
     env = SB3VecEnv(gym.make_vec(args.env, num_envs=args.num_envs))
-    model = TD3(
+    td3, activation = algorithm(args.library)
+    model = td3(
         'MultiInputPolicy',
         VecNormalize(env, norm_reward=False, clip_obs=5),
+        learning_rate=1e-3,
         learning_starts=100 * args.num_envs,  # Two episodes of random actions each.
         batch_size=256,
         gamma=0.96,
@@ -81,7 +101,7 @@ def main(args: argparse.Namespace) -> None:
         action_noise=Exploration(args.noise, args.large_noise_share),
         target_policy_noise=0.0,
         target_noise_clip=0.0,
-        policy_kwargs={'net_arch': [128, 128], 'activation_fn': NormalisedReLU},
+        policy_kwargs={'net_arch': [128, 128], 'activation_fn': activation},
         gradient_steps=args.gradient_steps,
         replay_buffer_class=HerReplayBuffer,
         seed=args.seed,

@@ -92,7 +92,7 @@ def test_grips_lift_the_object(convention):
         for share in (0.0, 1.0)
     )
     without, with_grips = (np.mean(each.max(axis=1) > each[:, 0] + 0.05) for each in heights)
-    assert without < 0.1 and with_grips > 0.2
+    assert without < 0.1 and with_grips > 0.5
 
 
 def test_without_relays_the_policy_acts_alone():

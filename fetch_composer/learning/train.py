@@ -281,6 +281,8 @@ class Run:
         export.save(options.output_dir / 'policy.onnx', self.policy, trainer.observation_size)
         title = f'{options.task}, {options.convention}, seed {options.seed}'
         if self.points:
+            # Also for a run that was killed between its last checkpoint and the curve.
+            curve.save(options.output_dir / 'curve.csv', self.points)
             curve.save_picture(options.output_dir / 'curve.png', self.points, title)
         files.save_json(options.output_dir / 'summary.json', summary)
         return summary

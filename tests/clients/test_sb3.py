@@ -159,9 +159,11 @@ def test_relabelled_transitions_have_the_reward_of_their_new_goal():
     assert (expected == 0).any() and (expected == -1).any()
 
 
-def test_the_example_learns_to_reach(run_example, tmp_path):
-    """Takes some two minutes."""
-    run_example('sb3_her.py', '--output_dir', str(tmp_path))
+@pytest.mark.parametrize('library', ['stable_baselines3', 'sbx'])
+def test_the_example_learns_to_reach(run_example, tmp_path, library):
+    """Takes some two minutes each."""
+    pytest.importorskip(library, reason="needs pip install 'fetch_composer[sbx]'")
+    run_example('sb3_her.py', f'--library={library}', '--output_dir', str(tmp_path))
     with open(tmp_path / 'FetchReach-v2.csv', newline='') as file:
         rows = list(csv.DictReader(file))
     assert float(rows[-1]['success']) >= 0.95, rows
