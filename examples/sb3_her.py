@@ -117,7 +117,7 @@ def main(args: argparse.Namespace) -> None:
     args.output_dir.mkdir(parents=True, exist_ok=True)
     name = args.output_dir / args.env.split('/')[-1]
     model.save(f'{name}.zip')
-    model.get_vec_normalize_env().save(f'{name}_vecnormalize.pkl')  # The explorer takes both.
+    model.get_vec_normalize_env().save(f'{name}_vecnormalize.pkl')  # For the explorer, beside it.
     header = 'steps,minutes,success'
     np.savetxt(f'{name}.csv', curve, '%.7g', ',', header=header, comments='')
     steps, _, success = np.transpose(curve)

@@ -138,8 +138,8 @@ def test_the_policy_of_reach_is_shown_what_it_knows(task, convention):
     batch.close()
     recorder = _Recorder()
     episodes = _explore(task, convention, recorder, known, relay_share=1.0)
-    start = np.array([each[:, :3] for each in recorder.observations])[0]
-    assert start[:, :2] == pytest.approx(np.tile(known[:2], (len(start), 1)), abs=1e-6)
+    start = recorder.observations[0][:, :2]
+    assert start == pytest.approx(np.tile(known[:2], (len(start), 1)), abs=1e-6)
     fingers, finger_velocities = slice(3, 5), slice(8, 10)
     for part in (fingers, finger_velocities):
         shown = np.concatenate([each[:, part] for each in recorder.observations])

@@ -36,6 +36,9 @@ _WAYS_OF_GRIP = (-1, -1, 0)  # The least of each axis; the most is 1.
 _FINGERS, _OPEN, _CLOSED = 3, 1.0, -1.0
 _CLOSING = np.array([0, 0, 0, _CLOSED])
 
+# Where Reach observes the fingers.
+_OBSERVED_FINGERS = np.r_[layout.WITHOUT_OBJECT.fingers, layout.WITHOUT_OBJECT.finger_velocities]
+
 
 @dataclasses.dataclass(frozen=True)
 class Relay:
@@ -44,8 +47,8 @@ class Relay:
     Attributes:
         policy: What was learned of Reach.
         start: (10,) what Reach observes as an episode begins. Other tasks have their robot
-            elsewhere: places are moved by the difference. And where fingers are blocked, as in
-            Reach, a policy learns nothing of them: it is shown those that it knows.
+            elsewhere: places are moved by the difference. Fingers are blocked in Reach, so that
+            its policy knows no others, and is always shown these.
     """
 
     policy: networks.Policy
@@ -93,12 +96,10 @@ class Relays:
 
         layouts = layout.of_size(observation.shape[-1])
         at = layouts[0]
-        # What Reach observes of the gripper, and of that, what the policy is shown as it is.
+        # What Reach observes of the gripper.
         self._of_gripper = np.r_[
             at.grip_position, at.fingers, at.grip_velocity, at.finger_velocities
         ]
-        in_reach = layout.WITHOUT_OBJECT
-        self._fingers = np.r_[in_reach.fingers, in_reach.finger_velocities]
         starts = np.array([each.object_position.start for each in layouts])
         which = draw.integers(len(starts), size=count)
         self._of_object = starts[which][:, None] + np.arange(3)
@@ -128,7 +129,7 @@ class Relays:
             return action
         seen = observation[:, self._of_gripper]
         seen[:, :3] += self._shift
-        seen[:, self._fingers] = self._relay.start[self._fingers]
+        seen[:, _OBSERVED_FINGERS] = self._relay.start[_OBSERVED_FINGERS]
         reaching = self._relay.policy.act(seen, (place + self._shift).astype(np.float32))
         reaching = reaching + self._noise * self._generator.standard_normal(reaching.shape)
         # Reach has no use for the fingers, and knows none.

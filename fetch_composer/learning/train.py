@@ -158,6 +158,8 @@ class Run:
             self._trainer.restore(_part('trainer', state))
             self._clock.restore(state['minutes'])
             self.points = [_point(row) for row in state['points']]
+            # A kill between the two leaves the curve behind the checkpoint.
+            self._save_curve()
 
     @property
     def _needs_relay(self) -> bool:
@@ -252,7 +254,10 @@ class Run:
         state['minutes'] = self._clock.minutes()
         state['points'] = np.array([dataclasses.astuple(point) for point in self.points])
         checkpoint.save(options.output_dir, options.decisive, state)
-        curve.save(options.output_dir / 'curve.csv', self.points)
+        self._save_curve()
+
+    def _save_curve(self) -> None:
+        curve.save(self._options.output_dir / 'curve.csv', self.points)
 
     def _finish(self) -> dict[str, Any]:
         """Judges the policy on the held-out seeds and writes what is left to write."""
@@ -281,8 +286,6 @@ class Run:
         export.save(options.output_dir / 'policy.onnx', self.policy, trainer.observation_size)
         title = f'{options.task}, {options.convention}, seed {options.seed}'
         if self.points:
-            # Also for a run that was killed between its last checkpoint and the curve.
-            curve.save(options.output_dir / 'curve.csv', self.points)
             curve.save_picture(options.output_dir / 'curve.png', self.points, title)
         files.save_json(options.output_dir / 'summary.json', summary)
         return summary
