@@ -39,7 +39,7 @@ class _Recorder(_StraightToTheGoal):
         return super().act(observation, goal)
 
 
-def _explore(task, convention, reach=None, start=(0,) * 10, **changes):
+def _explore(task, convention, reach=None, start=(0,) * 10, falling=0.0, **changes):
     """Returns an exploring episode of each environment, by a policy that does nothing itself."""
     quiet = {'noise': 0.0, 'uniform_share': 0.0}
     chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
@@ -52,7 +52,7 @@ def _explore(task, convention, reach=None, start=(0,) * 10, **changes):
             range(_NUM_ENVS),
             50,
             lambda observation, goal: explorer.act(_DoNothing(), observation, goal),
-            explorer.begin,
+            lambda observation: explorer.begin(observation, falling),
         )
     finally:
         batch.close()
@@ -97,6 +97,15 @@ def test_grips_lift_the_object(convention):
 
 def test_without_relays_the_policy_acts_alone():
     assert not _explore('push', 'documented', relay_share=0.0).actions.any()
+
+
+def test_relays_become_fewer_as_noise_falls():
+    falls = {'relay_share': 1.0, 'final_noise': 0.0, 'last_final_noise': 0.5}
+    begun, done = (_explore('push', 'documented', falling=part, **falls) for part in (0.0, 1.0))
+    assert begun.actions.any(axis=(1, 2)).all()
+    assert not done.actions[0].any()
+    # The share that is left rises from 0 in the first environment to 0.5 in the last.
+    assert 0.1 < done.actions.any(axis=(1, 2)).mean() < 0.45
 
 
 def test_a_shove_is_one_action_along_the_table_for_some_steps():

@@ -33,11 +33,13 @@ class Explorer:
         """
         # In the end some episodes show what the policy does nearly undisturbed, and others still
         # what else could be done.
-        calmest = np.linspace(self._settings.final_noise, 1, len(observation))
-        self._boldness = 1 - falling * (1 - calmest)
+        settings = self._settings
+        left = np.linspace(settings.final_noise, settings.last_final_noise, len(observation))
+        self._boldness = 1 - falling * (1 - left)
         self._relays = None
         if self._relay is not None:
-            self._relays = Relays(self._relay, self._settings, self._generator, observation)
+            share = settings.relay_share * self._boldness
+            self._relays = Relays(self._relay, settings, share, self._generator, observation)
 
     def act(
         self, policy: networks.Policy | None, observation: np.ndarray, goal: np.ndarray

@@ -62,6 +62,7 @@ class Relays:
         self,
         relay: Relay,
         settings: Settings,
+        share: np.ndarray,
         generator: np.random.Generator,
         observation: np.ndarray,
     ) -> None:
@@ -69,7 +70,8 @@ class Relays:
 
         Args:
             relay: The policy of Reach.
-            settings: How many episodes have one.
+            settings: Where they go, and how they end.
+            share: (num_envs,) how likely each episode has one.
             generator: Draws all that is random.
             observation: (num_envs, size) the first of each environment.
         """
@@ -82,7 +84,7 @@ class Relays:
         self._shift[:, :2] = relay.start[:2] - observation[:, :2]
         self._noise = draw.choice(_NOISE, (count, 1))
         steps = draw.integers(*_STEPS, count)
-        self._is_due = draw.random(count) < settings.relay_share
+        self._is_due = draw.random(count) < share
 
         end = draw.random(count)
         self._shoves = self._is_due & (end < settings.shove_share)

@@ -13,7 +13,8 @@ TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, see
 
 _SHARES = (
     'hindsight_share', 'mirror_share', 'moved_share', 'lifted_share', 'uniform_share',
-    'final_noise', 'noise_falls_until', 'relay_share', 'shove_share', 'grip_share',
+    'final_noise', 'last_final_noise', 'noise_falls_until', 'relay_share', 'shove_share',
+    'grip_share',
 )  # fmt: skip
 _MAY_BE_ZERO = ('noise', 'action_cost', 'shift', 'relay_spread', 'random_iterations')
 
@@ -47,9 +48,10 @@ class Settings:
         lifted_share: Share of transitions that are taken from episodes that lifted it.
         noise: Standard deviation of what is added to an action while exploring.
         uniform_share: Share of actions that are drawn uniformly while exploring.
-        final_noise: Share of `noise` and `uniform_share` that is left in the first environment at
-            the end. In each further environment it falls less, and not at all in the last.
-        noise_falls_until: Part of a run at the end of which it has fallen so far, in a straight
+        final_noise: Share of `noise`, `uniform_share` and `relay_share` that is left in the first
+            environment at the end. In each further environment they fall less.
+        last_final_noise: What is left of them in the last environment.
+        noise_falls_until: Part of a run at the end of which they have fallen so far, in a straight
             line from half of that part on.
         relay_share: Share of exploring episodes that begin by reaching for the object.
         shove_share: Share of relays that end in a shove: one action, towards the object, for some
@@ -85,6 +87,7 @@ class Settings:
     noise: float = 0.2
     uniform_share: float = 0.3
     final_noise: float = 1.0
+    last_final_noise: float = 1.0
     noise_falls_until: float = 1.0
     relay_share: float = 0.5
     shove_share: float = 0.6
@@ -151,17 +154,21 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # Its wall stays where it is.
     'push_around': {'shift': 0.0},
     # The puck glides for most of an episode, and what it does then was decided long before: later
-    # rewards weigh more, and several are summed. Noise spoils a hit, and so some environments soon
-    # have little. Fewer updates of larger networks are worth more here.
+    # rewards weigh more, and two are summed; and a hit that may miss is not preferred to a drag
+    # that takes longer. Where the puck ends depends on millimetres: noise, and relays, which spoil
+    # a hit, soon fall, and few updates of larger networks see many hits.
     'slide': {
-        'environment_steps': 1_280_000,
-        'updates_per_step': 0.25,
+        'environment_steps': 4_000_000,
+        'num_envs': 256,
+        'updates_per_step': 0.05,
         'hidden': (256, 256),
-        'discount': 0.97,
-        'return_steps': 4,
+        'discount': 0.985,
+        'return_steps': 2,
+        'replay_episodes': 50_000,
         'final_noise': 0.0,
-        'noise_falls_until': 0.1,
-        'evaluate_every': 20,
+        'last_final_noise': 0.25,
+        'noise_falls_until': 0.25,
+        'evaluate_every': 10,
     },
 }
 
@@ -176,7 +183,10 @@ _FRUGAL: dict[str, Any] = {
 }
 _FRUGAL_OF_TASK: dict[str, dict[str, Any]] = {
     'reach': {'environment_steps': 6_400},
-    'pick_and_place': {'environment_steps': 192_000},
+    'pick_and_place': {
+        'environment_steps': 96_000,
+        'uniform_share': _GRASP['uniform_share'],
+    },
     'slide': {'environment_steps': 400_000},
 }
 
