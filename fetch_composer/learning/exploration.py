@@ -31,9 +31,9 @@ class Explorer:
             observation: (num_envs, size) the first of each environment.
             falling: How much of its fall the noise has behind it, from 0 to 1.
         """
+        settings = self._settings
         # In the end some episodes show what the policy does nearly undisturbed, and others still
         # what else could be done.
-        settings = self._settings
         left = np.linspace(settings.final_noise, settings.last_final_noise, len(observation))
         self._boldness = 1 - falling * (1 - left)
         self._relays = None

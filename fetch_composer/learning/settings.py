@@ -155,8 +155,8 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     'push_around': {'shift': 0.0},
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more, and two are summed; and a hit that may miss is not preferred to a drag
-    # that takes longer. Where the puck ends depends on millimetres: noise, and relays, which spoil
-    # a hit, soon fall, and few updates of larger networks see many hits.
+    # that takes longer. Where the puck ends depends on millimetres. So noise and relays, which
+    # spoil hits, soon become few; and many hits are seen for each update of the larger networks.
     'slide': {
         'environment_steps': 4_000_000,
         'num_envs': 256,
