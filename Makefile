@@ -5,12 +5,14 @@ BIN := $(VENV)/bin
 # For EnvPool, which needs it; `make bench PYTHON312=...` if it is elsewhere.
 PYTHON312 ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.12.*/bin/python3.12) python3.12)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Python compiles a module when it is first imported; most of those that are installed never are.
+INSTALL := $(BIN)/pip install -q --no-compile
 
 # Runs a command as root where that is permitted without a password.
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
 APT_INSTALL = $(AS_ROOT) sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$@" >/dev/null' apt
 
-.PHONY: help explore learn curves results test test-only test-clients test-warp check format docs datasets gallery build bench soak parity transfer clean peers gl
+.PHONY: help explore learn curves results test test-only test-clients test-warp check lint types format docs datasets gallery build bench soak parity transfer clean peers gl
 .DEFAULT_GOAL := help
 
 help:  ## List the targets.
@@ -19,7 +21,8 @@ help:  ## List the targets.
 explore: $(VENV)/.explore gl  ## Film the expert at Push and say which files to open.
 	$(BIN)/python explore.py --task push --policy expert --episodes 4 --output_dir output/explore
 
-test: check test-only  ## Check the code and run the tests.
+test: lint gl  ## Check the code and run the tests; types are checked meanwhile.
+	@$(MAKE) --no-print-directory -j2 types test-only
 
 test-only: $(VENV)/.test gl  ## Run the tests.
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
@@ -44,9 +47,13 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 test-warp: .venv-clients-warp/.installed  ## Test the batch on a device, here the processor; some twenty minutes.
 	MUJOCO_GL=disabled .venv-clients-warp/bin/python -m pytest -m warp tests/accelerator
 
-check: $(VENV)/.test  ## Lint and type-check; edits nothing.
+check: lint types  ## Lint and type-check; edits nothing.
+
+lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(VENV)/.test
 	$(BIN)/mypy
 
 format: $(VENV)/.test  ## Mend what the linter can mend, and format the code.
@@ -113,27 +120,27 @@ $(BIN)/python:
 	$(BIN)/pip install -q --upgrade pip $(LABMAZE)
 
 $(VENV)/.explore: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[explore]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[explore]'
 	@touch $@
 
 $(VENV)/.learn: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[learn]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[learn]'
 	@touch $@
 
 $(VENV)/.datasets: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[minari]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[minari]'
 	@touch $@
 
 $(VENV)/.docs: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[docs]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[docs]'
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[test]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[test]'
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.test
-	PYTHONWARNINGS=ignore $(BIN)/pip install -q -e '.[ray]'
+	PYTHONWARNINGS=ignore $(INSTALL) -e '.[ray]'
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]

@@ -105,6 +105,28 @@ def test_the_share_from_episodes_that_moved_the_object_is_kept():
         assert abs(found - (share + (1 - share) / 2)) < 0.03
 
 
+def test_the_share_of_moments_near_the_object_is_kept():
+    episodes = _episodes(number=20)
+    beside = episodes.observations[..., 3:5] + 0.06
+    is_near = np.random.default_rng(2).random((20, 51, 1)) < 0.2
+    episodes.observations[..., :2] = np.where(is_near, episodes.observations[..., 3:5], beside)
+    expected = is_near[:, :-1].mean()
+    for share in (0.0, 0.5):
+        buffer = _buffer(episodes, near_share=share, moved_share=0.0)
+        if share:  # What is near is not among what is kept.
+            buffer.restore(buffer.state())
+        drawn = buffer.sample(np.random.default_rng(1), (4000,)).observation
+        found = np.mean((drawn[:, :2] == drawn[:, 3:5]).all(-1))
+        assert abs(found - (share + (1 - share) * expected)) < 0.03
+
+
+def test_where_no_moment_is_near_the_object_transitions_are_drawn_all_the_same():
+    episodes = _episodes()
+    episodes.observations[..., :2] = episodes.observations[..., 3:5] + 1
+    drawn = _buffer(episodes, near_share=1.0).sample(np.random.default_rng(1), (200,))
+    assert np.isfinite(drawn.reward).all()
+
+
 def test_new_episodes_take_the_place_of_the_oldest():
     first, second = _episodes(seed=0), _episodes(seed=1)
     buffer = _buffer(first, replay_episodes=6, hindsight_share=0.0)

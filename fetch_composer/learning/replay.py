@@ -7,10 +7,12 @@ import numpy as np
 
 from fetch_composer.learning import networks, symmetry
 from fetch_composer.learning.settings import Settings
-from fetch_composer.tasks import rewards
+from fetch_composer.tasks import layout, rewards
 
 _MOVED = 0.005  # m from its start, along an axis, after which an object counts as moved.
 _LIFTED = 0.04  # m above its start, after which it counts as lifted.
+_NEAR = 0.05  # m along the table from the gripper to an object that it is near to.
+_MOST_DRAWS = 20  # Of a transition that is to be near an object.
 
 
 class Episodes(NamedTuple):
@@ -78,6 +80,7 @@ class HindsightReplay:
         )
         self._moved = np.zeros(capacity, bool)
         self._lifted = np.zeros(capacity, bool)
+        self._near = np.zeros((capacity, steps), bool)
         self._added = 0
 
     def __len__(self) -> int:
@@ -92,6 +95,7 @@ class HindsightReplay:
         way = achieved - achieved[:, :1]
         self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
         self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
+        self._near[rows] = _is_near(episodes.observations[:, :-1])
         self._added += len(rows)
 
     def sample(self, generator: np.random.Generator, shape: tuple[int, ...]) -> Transitions:
@@ -104,8 +108,7 @@ class HindsightReplay:
         settings, steps = self._settings, self._steps
         observations, goals, actions = self._episodes
         count = int(np.prod(shape))
-        episode = self._sample_episodes(generator, count)
-        time = generator.integers(steps, size=count)
+        episode, time = self._sample_moments(generator, count)
 
         later = time + 1 + generator.integers(steps - time)
         in_hindsight = generator.random(count) < settings.hindsight_share
@@ -151,6 +154,23 @@ class HindsightReplay:
             goal=shift.goal(drawn.goal, by),
         )
 
+    def _sample_moments(
+        self, generator: np.random.Generator, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Returns (count,) rows and control steps; some are drawn until the gripper is near."""
+        episode = self._sample_episodes(generator, count)
+        time = generator.integers(self._steps, size=count)
+        if not self._settings.near_share:
+            return episode, time
+        again = np.flatnonzero(generator.random(count) < self._settings.near_share)
+        for _ in range(_MOST_DRAWS):
+            again = again[~self._near[episode[again], time[again]]]
+            if not len(again):
+                break
+            episode[again] = self._sample_episodes(generator, len(again))
+            time[again] = generator.integers(self._steps, size=len(again))
+        return episode, time
+
     def _sample_episodes(self, generator: np.random.Generator, count: int) -> np.ndarray:
         """Returns (count,) rows; some are drawn from those that moved or lifted the object."""
         size = len(self)
@@ -183,3 +203,16 @@ class HindsightReplay:
             kept[:size] = state[name]
         self._moved[:size] = state['moved']
         self._lifted[:size] = state['lifted']
+        self._near[:size] = _is_near(self._episodes.observations[:size, :-1])
+
+
+def _is_near(observations: np.ndarray) -> np.ndarray:
+    """Returns (...,) whether the gripper is near an object in (..., size) observations."""
+    layouts = layout.of_size(observations.shape[-1])
+    gripper = observations[..., layouts[0].grip_position][..., :2]
+    near = [
+        np.square(observations[..., each.object_position][..., :2] - gripper).sum(-1) < _NEAR**2
+        for each in layouts
+        if each.object_position.stop
+    ]
+    return np.logical_or.reduce(near) if near else np.ones(observations.shape[:-1], bool)

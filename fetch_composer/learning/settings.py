@@ -12,7 +12,7 @@ from fetch_composer.explorer.episodes import seeds
 TRAINING_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS = seeds.TRAINING, seeds.TUNING, seeds.STANDARD
 
 _SHARES = (
-    'hindsight_share', 'mirror_share', 'moved_share', 'lifted_share', 'uniform_share',
+    'hindsight_share', 'mirror_share', 'moved_share', 'lifted_share', 'near_share', 'uniform_share',
     'final_noise', 'last_final_noise', 'noise_falls_until', 'relay_share', 'shove_share',
     'grip_share',
 )  # fmt: skip
@@ -46,6 +46,8 @@ class Settings:
             something else stands on it.
         moved_share: Share of transitions that are taken from episodes that moved the object.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
+        near_share: Share of transitions that are taken from moments at which the gripper is near
+            the object.
         noise: Standard deviation of what is added to an action while exploring.
         uniform_share: Share of actions that are drawn uniformly while exploring.
         final_noise: Share of `noise`, `uniform_share` and `relay_share` that is left in the first
@@ -84,6 +86,7 @@ class Settings:
     shift: float = 0.1
     moved_share: float = 0.5
     lifted_share: float = 0.0
+    near_share: float = 0.0
     noise: float = 0.2
     uniform_share: float = 0.3
     final_noise: float = 1.0
@@ -156,15 +159,17 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more, and two are summed; and a hit that may miss is not preferred to a drag
     # that takes longer. Where the puck ends depends on millimetres. So noise and relays, which
-    # spoil hits, soon become few; and many hits are seen for each update of the larger networks.
+    # spoil hits, soon become few; many hits are seen for each update of the larger networks, and
+    # half of a batch is from where they happen.
     'slide': {
-        'environment_steps': 4_000_000,
+        'environment_steps': 4_800_000,
         'num_envs': 256,
         'updates_per_step': 0.05,
         'hidden': (256, 256),
         'discount': 0.985,
         'return_steps': 2,
         'replay_episodes': 50_000,
+        'near_share': 0.5,
         'final_noise': 0.0,
         'last_final_noise': 0.25,
         'noise_falls_until': 0.25,
