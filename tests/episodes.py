@@ -3,7 +3,7 @@
 import numpy as np
 
 import fetch_composer
-from fetch_composer import policies
+from fetch_composer import policies, tasks
 from fetch_composer.explorer.episodes.episode import Episode
 
 
@@ -40,6 +40,8 @@ def push_until(env, observation, y: float, max_steps: int = 100):
     raise AssertionError(f'The object was not pushed to y = {y} m within {max_steps} steps.')
 
 
+_SCALARS = ('step_type', 'reward', 'discount')
+
 _SHARED: dict[str, fetch_composer.Environment] = {}
 
 
@@ -55,6 +57,7 @@ def shared(task_name: str, seed: int = 0, number: int = 0, **options):
         number: Distinguishes environments that are needed at the same time.
         **options: As for `load`.
     """
+    options = {'convention': tasks.default_options(task_name).convention, **options}
     key = repr((task_name, number, sorted(options.items())))
     if key not in _SHARED:
         _SHARED[key] = fetch_composer.load(task_name, **options)
@@ -90,8 +93,11 @@ def assert_same(time_steps, others) -> None:
     """Asserts that two sequences of time steps, single or batched, are equal to the bit."""
     assert len(time_steps) == len(others)
     for one, other in zip(time_steps, others, strict=True):
-        for name in ('step_type', 'reward', 'discount'):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
         assert list(one.observation) == list(other.observation)
-        for name, value in one.observation.items():
-            np.testing.assert_array_equal(value, other.observation[name], err_msg=name)
+        for name, value, expected in (
+            *((name, getattr(one, name), getattr(other, name)) for name in _SCALARS),
+            *((name, value, other.observation[name]) for name, value in one.observation.items()),
+        ):
+            # To find that they are equal takes NumPy a tenth of the time.
+            if not np.array_equal(value, expected):
+                np.testing.assert_array_equal(value, expected, err_msg=name)

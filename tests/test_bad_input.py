@@ -23,8 +23,12 @@ _BAD_ACTIONS = [
 ]
 
 
-def test_a_bad_action_leaves_the_simulation_untouched(env):
-    reference = episodes.shared(env.task.name, convention=env.task.convention.name)
+def _two(task_name, **options):
+    return (episodes.shared(task_name, number=i, **options) for i in range(2))
+
+
+def test_a_bad_action_leaves_the_simulation_untouched(task_name, convention):
+    env, reference = _two(task_name, convention=convention)
     actions = episodes.uniform_actions(5 + len(_BAD_ACTIONS))
     expected = episodes.run(reference, actions)
     time_steps = episodes.run(env, actions[:5])
@@ -35,8 +39,8 @@ def test_a_bad_action_leaves_the_simulation_untouched(env):
     episodes.assert_same(time_steps, expected)
 
 
-def test_actions_outside_the_range_are_clipped(env):
-    reference = episodes.shared(env.task.name, convention=env.task.convention.name)
+def test_actions_outside_the_range_are_clipped(task_name, convention):
+    env, reference = _two(task_name, convention=convention)
     wild = 5 * episodes.uniform_actions(10)
     episodes.assert_same(episodes.run(env, wild), episodes.run(reference, np.clip(wild, -1, 1)))
 
@@ -77,11 +81,10 @@ def test_options_that_make_no_sense_are_refused(task_name, options, message):
 
 @pytest.mark.parametrize('position', [(0, 0), (1.3, np.inf), (1.3,), (1.3, 0.75, 0.42)])
 def test_places_that_cannot_be_leave_the_next_episode_as_it_was(object_task_name, position):
-    env = fetch_composer.load(object_task_name, seed=0)
+    env, reference = _two(object_task_name)
     with pytest.raises(ValueError, match='object_position'):
         env.task.set_next_episode(object_position=position)
-    reference = episodes.shared(object_task_name).reset()
-    episodes.assert_same([env.reset()], [reference])
+    episodes.assert_same([env.reset()], [reference.reset()])
 
 
 def test_reach_has_no_object_to_place():

@@ -25,6 +25,8 @@ def _assert_rows_equal(batched, singles) -> None:
         assert set(batched.observation) == set(single.observation)
         for name, value in single.observation.items():
             row = batched.observation[name][i]
+            if np.array_equal(row, value):
+                continue
             # NumPy's arctan2 of many may round otherwise than that of one.
             np.testing.assert_allclose(row, value, rtol=0, atol=1e-15, err_msg=name)
             if len(value) == layout.WITH_OBJECT.size:
@@ -173,7 +175,7 @@ def test_it_says_what_it_is_a_batch_of():
 @pytest.mark.parametrize('ids', [[2, 0], np.array([True, False, True])])
 def test_some_environments_start_anew_and_the_others_go_on(task_name, ids):
     batch = fetch_composer.BatchEnvironment(task_name, 3, seed=0)
-    singles = [fetch_composer.load(task_name, seed=i) for i in range(3)]
+    singles = [episodes.shared(task_name, i, number=i) for i in range(3)]
     batch.reset()
     for single in singles:
         single.reset()

@@ -27,7 +27,7 @@ def _count_substeps(env) -> list:
 
 
 def test_native_and_stock_loop_are_equal_to_the_bit(task_name, convention):
-    native = fetch_composer.load(task_name, seed=3, convention=convention)
+    native = episodes.shared(task_name, 3, convention=convention)
     stock = fetch_composer.load(task_name, seed=3, convention=convention)
     stock.add_extra_hook('before_substep', _nothing)
     actions = episodes.uniform_actions(110, seed=1)
@@ -152,18 +152,18 @@ def test_stepping_first_resets():
 
 def test_recompiling_every_episode_gives_the_same_episodes(task_name):
     actions = episodes.uniform_actions(60)
-    fast = fetch_composer.load(task_name, seed=0)
+    fast = episodes.shared(task_name)
     slow = fetch_composer.load(
         task_name, seed=0, environment_kwargs={'recompile_mjcf_every_episode': True}
     )
     episodes.assert_same(episodes.run(fast, actions), episodes.run(slow, actions))
 
 
-def test_reset_does_not_recompile(env):
-    env.reset()
-    model = env.physics.model.ptr
-    env.reset()
-    assert env.physics.model.ptr is model
+def test_reset_does_not_recompile(shared_env):
+    shared_env.reset()
+    model = shared_env.physics.model.ptr
+    shared_env.reset()
+    assert shared_env.physics.model.ptr is model
 
 
 def test_dm_controls_action_noise_wraps_it():
@@ -176,7 +176,7 @@ def test_dm_controls_action_noise_wraps_it():
 
 
 def test_flat_observations_are_the_dictionarys_in_its_order(task_name):
-    plain = fetch_composer.load(task_name, seed=0)
+    plain = episodes.shared(task_name)
     flat = suite.load('fetch', task_name, {'random': 0}, {'flat_observation': True})
     stock = suite.load('fetch', task_name, {'random': 0}, {'flat_observation': True})
     stock.add_extra_hook('before_substep', _nothing)
@@ -223,7 +223,7 @@ def test_a_seed_is_kept_where_every_episode_starts_alike():
 def test_a_state_set_from_outside_goes_on_as_it_was(task_name, convention):
     """Such as dm_control's own planners do: a reset forgets where the mocap body pointed."""
     actions = episodes.uniform_actions(30, seed=3)
-    kept, other = (fetch_composer.load(task_name, seed=2, convention=convention) for _ in range(2))
+    kept, other = (episodes.shared(task_name, 2, i, convention=convention) for i in range(2))
     for env in kept, other:
         episodes.run(env, actions[:20])
     state = other.physics.get_state()

@@ -31,7 +31,7 @@ def _velocity(env, site: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_gripper_and_object_are_observed_where_they_are(object_task_name):
-    env = fetch_composer.load(object_task_name, seed=0)
+    env = episodes.shared(object_task_name)
     for observation in _pushed(env, 40):
         vector = observation['observation']
         site = env.physics.named.data.site_xpos
@@ -41,7 +41,7 @@ def test_gripper_and_object_are_observed_where_they_are(object_task_name):
 
 
 def test_velocities_are_those_of_the_simulation_times_the_control_timestep(object_task_name):
-    env = fetch_composer.load(object_task_name, seed=0)
+    env = episodes.shared(object_task_name)
     moved = 0.0
     for observation in _pushed(env, 40):
         vector = observation['observation']
@@ -71,7 +71,7 @@ def test_velocities_are_displacements_per_control_step():
 
 
 def test_difference_is_gripper_minus_object_as_documented(object_task_name, convention):
-    env = fetch_composer.load(object_task_name, seed=0, convention=convention)
+    env = episodes.shared(object_task_name, convention=convention)
     sense = 1 if convention == 'documented' else -1
     for time_step in episodes.run(env, episodes.uniform_actions(10)):
         vector = time_step.observation['observation']

@@ -5,6 +5,7 @@ import pytest
 
 import fetch_composer
 from fetch_composer import policies, tasks
+from tests import episodes
 
 _EXPERT_EPISODES = 50
 _CONVENTIONS = ('documented', 'gymnasium_robotics')
@@ -50,7 +51,7 @@ def test_push_expert_leaves_a_block_alone_that_starts_at_the_goal(convention):
 def test_every_task_has_each_policy_whose_actions_fit_and_leave_the_observation_alone(
     task_name, name
 ):
-    env = fetch_composer.load(task_name, seed=0)
+    env = episodes.shared(task_name)
     policy = policies.load(name, env, seed=0)
     policy.reset()
     observation = env.reset().observation

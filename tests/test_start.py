@@ -105,11 +105,9 @@ def test_reach_goals_fill_a_cube_around_the_gripper():
 
 def test_a_seed_fixes_everything(task_name, convention):
     actions = episodes.uniform_actions(130, seed=5)  # Three episodes.
-    one, other = (
-        episodes.run(fetch_composer.load(task_name, seed=11, convention=convention), actions)
-        for _ in range(2)
-    )
-    episodes.assert_same(one, other)
+    made = fetch_composer.load(task_name, seed=11, convention=convention)
+    seeded = episodes.shared(task_name, 11, convention=convention)
+    episodes.assert_same(*(episodes.run(env, actions) for env in (made, seeded)))
 
 
 def test_seeds_differ(task_name):

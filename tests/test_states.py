@@ -64,7 +64,7 @@ def test_a_batch_goes_on_as_single_environments_and_they_as_it(task_name, option
     batch = fetch_composer.BatchEnvironment(task_name, 3, seed=50, **options)
     batch.reset()
     batch.set_states([state for state, _ in taken], [2, 0])
-    back = episodes.shared(task_name, 9, number=2, **options)
+    back = singles[1]  # Elsewhere by now.
     (again,) = batch.get_states([2])
     back.set_state(again)
     episodes.assert_same(_follows(back), taken[0][1])

@@ -182,16 +182,14 @@ _OF_TASK: dict[str, dict[str, Any]] = {
 _FRUGAL: dict[str, Any] = {
     'num_envs': 16,
     'updates_per_step': 4.0,
+    'random_iterations': 2,
     'relay_steps': 3_200,
-    'uniform_share': 0.2,
-    'environment_steps': 57_600,
+    'environment_steps': 61_600,
 }
 _FRUGAL_OF_TASK: dict[str, dict[str, Any]] = {
     'reach': {'environment_steps': 6_400},
-    'pick_and_place': {
-        'environment_steps': 96_000,
-        'uniform_share': _GRASP['uniform_share'],
-    },
+    'push': {'uniform_share': 0.2},
+    'pick_and_place': {'environment_steps': 96_000},
     'slide': {'environment_steps': 400_000},
 }
 
