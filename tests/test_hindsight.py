@@ -112,10 +112,10 @@ def test_the_share_of_moments_near_the_object_is_kept():
     episodes.observations[..., :2] = np.where(is_near, episodes.observations[..., 3:5], beside)
     expected = is_near[:, :-1].mean()
     for share in (0.0, 0.5):
-        buffer = _buffer(episodes, near_share=share, moved_share=0.0)
+        buffer = _buffer(episodes, moved_share=0.0)
         if share:  # What is near is not among what is kept.
             buffer.restore(buffer.state())
-        drawn = buffer.sample(np.random.default_rng(1), (4000,)).observation
+        drawn = buffer.sample(np.random.default_rng(1), (4000,), share).observation
         found = np.mean((drawn[:, :2] == drawn[:, 3:5]).all(-1))
         assert abs(found - (share + (1 - share) * expected)) < 0.03
 
@@ -123,7 +123,7 @@ def test_the_share_of_moments_near_the_object_is_kept():
 def test_where_no_moment_is_near_the_object_transitions_are_drawn_all_the_same():
     episodes = _episodes()
     episodes.observations[..., :2] = episodes.observations[..., 3:5] + 1
-    drawn = _buffer(episodes, near_share=1.0).sample(np.random.default_rng(1), (200,))
+    drawn = _buffer(episodes).sample(np.random.default_rng(1), (200,), near_share=1.0)
     assert np.isfinite(drawn.reward).all()
 
 

@@ -98,17 +98,20 @@ class HindsightReplay:
         self._near[rows] = _is_near(episodes.observations[:, :-1])
         self._added += len(rows)
 
-    def sample(self, generator: np.random.Generator, shape: tuple[int, ...]) -> Transitions:
+    def sample(
+        self, generator: np.random.Generator, shape: tuple[int, ...], near_share: float = 0.0
+    ) -> Transitions:
         """Returns transitions.
 
         Args:
             generator: Draws them.
             shape: Leading dimensions of what is returned.
+            near_share: Share of moments at which the gripper is near the object.
         """
         settings, steps = self._settings, self._steps
         observations, goals, actions = self._episodes
         count = int(np.prod(shape))
-        episode, time = self._sample_moments(generator, count)
+        episode, time = self._sample_moments(generator, count, near_share)
 
         later = time + 1 + generator.integers(steps - time)
         in_hindsight = generator.random(count) < settings.hindsight_share
@@ -155,14 +158,14 @@ class HindsightReplay:
         )
 
     def _sample_moments(
-        self, generator: np.random.Generator, count: int
+        self, generator: np.random.Generator, count: int, near_share: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Returns (count,) rows and control steps; some are drawn until the gripper is near."""
         episode = self._sample_episodes(generator, count)
         time = generator.integers(self._steps, size=count)
-        if not self._settings.near_share:
+        if not near_share:
             return episode, time
-        again = np.flatnonzero(generator.random(count) < self._settings.near_share)
+        again = np.flatnonzero(generator.random(count) < near_share)
         for _ in range(_MOST_DRAWS):
             again = again[~self._near[episode[again], time[again]]]
             if not len(again):

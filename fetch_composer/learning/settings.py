@@ -46,8 +46,8 @@ class Settings:
             something else stands on it.
         moved_share: Share of transitions that are taken from episodes that moved the object.
         lifted_share: Share of transitions that are taken from episodes that lifted it.
-        near_share: Share of transitions that are taken from moments at which the gripper is near
-            the object.
+        near_share: Share of transitions, in the second half of a run, that are taken from moments
+            at which the gripper is near the object.
         noise: Standard deviation of what is added to an action while exploring.
         uniform_share: Share of actions that are drawn uniformly while exploring.
         final_noise: Share of `noise`, `uniform_share` and `relay_share` that is left in the first
@@ -159,10 +159,10 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more, and two are summed; and a hit that may miss is not preferred to a drag
     # that takes longer. Where the puck ends depends on millimetres. So noise and relays, which
-    # spoil hits, soon become few; many hits are seen for each update of the larger networks, and
-    # half of a batch is from where they happen.
+    # spoil hits, soon become few; many hits are seen for each update of the larger networks; and in
+    # the end half of a batch is from where they happen. From the beginning on, that would be drags.
     'slide': {
-        'environment_steps': 4_800_000,
+        'environment_steps': 4_000_000,
         'num_envs': 256,
         'updates_per_step': 0.05,
         'hidden': (256, 256),
