@@ -21,7 +21,7 @@ help:  ## List the targets.
 explore: $(VENV)/.explore gl  ## Film the expert at Push and say which files to open.
 	$(BIN)/python explore.py --task push --policy expert --episodes 4 --output_dir output/explore
 
-test: lint gl  ## Check the code and run the tests; types are checked meanwhile.
+test: lint  ## Check the code and run the tests; types are checked meanwhile.
 	@$(MAKE) --no-print-directory -j2 types test-only
 
 test-only: $(VENV)/.test gl  ## Run the tests.
@@ -117,7 +117,7 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || $(APT_INSTALL) python3-venv || \
 	  { echo "venv is missing; run: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install -q --upgrade pip $(LABMAZE)
+	$(INSTALL) --upgrade pip $(LABMAZE)
 
 $(VENV)/.explore: $(BIN)/python setup.py
 	PYTHONWARNINGS=ignore $(INSTALL) -e '.[explore]'
@@ -162,7 +162,7 @@ $(VENV)/.bench: $(VENV)/.test
 	@touch $@
 
 $(VENV)/.build: $(BIN)/python
-	$(BIN)/pip install -q build
+	$(INSTALL) build
 	@touch $@
 
 # What the benchmarks compare with, each in a virtual environment of its own. What cannot be installed is skipped.

@@ -112,7 +112,7 @@ def _draw() -> None:
                     _draw_curves(axes, curves, place, colour, f'{convention} ({len(curves)})')
             curve.decorate(axes, label)
             axes.locator_params(axis='x', nbins=6)
-            axes.xaxis.set_major_formatter('{x:,g}')
+            axes.xaxis.set_major_formatter('{x:,.8g}')
         axes_of_row[0].set_ylabel(task)
         if axes_of_row[1].lines:
             axes_of_row[1].legend(loc='lower right', edgecolor='none', fontsize=8)

@@ -113,7 +113,7 @@ def test_the_share_of_moments_near_the_object_is_kept():
     expected = is_near[:, :-1].mean()
     for share in (0.0, 0.5):
         buffer = _buffer(episodes, moved_share=0.0)
-        if share:  # What is near is not among what is kept.
+        if share:  # What is near follows from what is kept.
             buffer.restore(buffer.state())
         drawn = buffer.sample(np.random.default_rng(1), (4000,), share).observation
         found = np.mean((drawn[:, :2] == drawn[:, 3:5]).all(-1))

@@ -7,7 +7,7 @@ import numpy as np
 
 from fetch_composer.learning import networks, symmetry
 from fetch_composer.learning.settings import Settings
-from fetch_composer.tasks import layout, rewards
+from fetch_composer.tasks import rewards
 
 _MOVED = 0.005  # m from its start, along an axis, after which an object counts as moved.
 _LIFTED = 0.04  # m above its start, after which it counts as lifted.
@@ -91,12 +91,19 @@ class HindsightReplay:
         rows = (self._added + np.arange(len(episodes.goals))) % self._settings.replay_episodes
         for kept, new in zip(self._episodes, episodes, strict=True):
             kept[rows] = new
-        achieved = networks.achieved_goal(episodes.observations)
+        self._mark(rows)
+        self._added += len(rows)
+
+    def _mark(self, rows: np.ndarray | slice) -> None:
+        """Notes of episodes that are kept what `sample` chooses by."""
+        observations = self._episodes.observations[rows]
+        achieved = networks.achieved_goal(observations)
         way = achieved - achieved[:, :1]
         self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
         self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
-        self._near[rows] = _is_near(episodes.observations[:, :-1])
-        self._added += len(rows)
+        objects = achieved[:, :-1].reshape(len(achieved), self._steps, -1, 3)
+        apart = objects[..., :2] - observations[:, :-1, np.newaxis, :2]
+        self._near[rows] = (np.square(apart).sum(axis=-1) < _NEAR**2).any(axis=-1)
 
     def sample(
         self, generator: np.random.Generator, shape: tuple[int, ...], near_share: float = 0.0
@@ -195,8 +202,7 @@ class HindsightReplay:
         """Returns all that is kept, as arrays."""
         size = len(self)
         arrays = {name: kept[:size] for name, kept in self._episodes._asdict().items()}
-        marks = {'moved': self._moved[:size], 'lifted': self._lifted[:size]}
-        return {**arrays, **marks, 'added': np.array(self._added)}
+        return {**arrays, 'added': np.array(self._added)}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Takes over what `state` returned."""
@@ -204,18 +210,4 @@ class HindsightReplay:
         size = len(self)
         for name, kept in self._episodes._asdict().items():
             kept[:size] = state[name]
-        self._moved[:size] = state['moved']
-        self._lifted[:size] = state['lifted']
-        self._near[:size] = _is_near(self._episodes.observations[:size, :-1])
-
-
-def _is_near(observations: np.ndarray) -> np.ndarray:
-    """Returns (...,) whether the gripper is near an object in (..., size) observations."""
-    layouts = layout.of_size(observations.shape[-1])
-    gripper = observations[..., layouts[0].grip_position][..., :2]
-    near = [
-        np.square(observations[..., each.object_position][..., :2] - gripper).sum(-1) < _NEAR**2
-        for each in layouts
-        if each.object_position.stop
-    ]
-    return np.logical_or.reduce(near) if near else np.ones(observations.shape[:-1], bool)
+        self._mark(slice(size))
