@@ -21,7 +21,7 @@ import fetch_composer  # noqa: E402
 from docs import make_curves  # noqa: E402
 from fetch_composer import policies  # noqa: E402
 from fetch_composer.learning import __main__ as command  # noqa: E402
-from fetch_composer.learning import curve, networks, settings, train  # noqa: E402
+from fetch_composer.learning import curve, networks, replay, settings, train  # noqa: E402
 
 _ROOT = pathlib.Path(__file__).parent.parent
 # Eight episodes an iteration, and networks that learn little: enough to go through all of it.
@@ -78,6 +78,18 @@ def _run(options, on_progress=None):
         return run, run.run()
     finally:
         run.close()
+
+
+def test_moments_near_the_object_are_drawn_in_the_second_half_of_a_run(tmp_path, monkeypatch):
+    shares, sample = [], replay.HindsightReplay.sample
+
+    def recorded(self, generator, shape, near_share):
+        shares.append(near_share)
+        return sample(self, generator, shape, near_share)
+
+    monkeypatch.setattr(replay.HindsightReplay, 'sample', recorded)
+    _run(_options(tmp_path, 'push', relay_share=0.0, near_share=0.5))
+    assert shares == [0.0, 0.5]
 
 
 def test_reach_is_learned_within_a_few_thousand_steps(tmp_path):
