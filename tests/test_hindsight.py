@@ -91,8 +91,14 @@ def test_a_return_of_several_steps_sums_their_rewards_up_to_the_end_of_the_episo
 
 def test_without_hindsight_goals_are_the_episodes_own():
     episodes = _episodes()
+    own = {tuple(goal) for goal in episodes.goals}
     drawn = _buffer(episodes, hindsight_share=0.0).sample(np.random.default_rng(1), (300,))
-    assert {tuple(goal) for goal in drawn.goal} <= {tuple(goal) for goal in episodes.goals}
+    assert {tuple(goal) for goal in drawn.goal} <= own
+    buffer = _buffer(episodes, late_hindsight_share=0.4)
+    for is_late, share in ((False, 0.8), (True, 0.4)):
+        drawn = buffer.sample(np.random.default_rng(1), (4000,), is_late)
+        found = np.mean([tuple(goal) not in own for goal in drawn.goal])
+        assert abs(found - share) < 0.03
 
 
 def test_the_share_from_episodes_that_moved_the_object_is_kept():
@@ -111,11 +117,11 @@ def test_the_share_of_moments_near_the_object_is_kept():
     is_near = np.random.default_rng(2).random((20, 51, 1)) < 0.2
     episodes.observations[..., :2] = np.where(is_near, episodes.observations[..., 3:5], beside)
     expected = is_near[:, :-1].mean()
-    for share in (0.0, 0.5):
-        buffer = _buffer(episodes, moved_share=0.0)
-        if share:  # What is near follows from what is kept.
+    buffer = _buffer(episodes, moved_share=0.0, near_share=0.5)
+    for is_late, share in ((False, 0.0), (True, 0.5)):
+        if is_late:  # What is near follows from what is kept.
             buffer.restore(buffer.state())
-        drawn = buffer.sample(np.random.default_rng(1), (4000,), share).observation
+        drawn = buffer.sample(np.random.default_rng(1), (4000,), is_late).observation
         found = np.mean((drawn[:, :2] == drawn[:, 3:5]).all(-1))
         assert abs(found - (share + (1 - share) * expected)) < 0.03
 
@@ -123,7 +129,7 @@ def test_the_share_of_moments_near_the_object_is_kept():
 def test_where_no_moment_is_near_the_object_transitions_are_drawn_all_the_same():
     episodes = _episodes()
     episodes.observations[..., :2] = episodes.observations[..., 3:5] + 1
-    drawn = _buffer(episodes).sample(np.random.default_rng(1), (200,), near_share=1.0)
+    drawn = _buffer(episodes, near_share=1.0).sample(np.random.default_rng(1), (200,), True)
     assert np.isfinite(drawn.reward).all()
 
 

@@ -80,16 +80,16 @@ def _run(options, on_progress=None):
         run.close()
 
 
-def test_moments_near_the_object_are_drawn_in_the_second_half_of_a_run(tmp_path, monkeypatch):
-    shares, sample = [], replay.HindsightReplay.sample
+def test_transitions_are_drawn_otherwise_in_the_second_half_of_a_run(tmp_path, monkeypatch):
+    asked, sample = [], replay.HindsightReplay.sample
 
-    def recorded(self, generator, shape, near_share):
-        shares.append(near_share)
-        return sample(self, generator, shape, near_share)
+    def recorded(self, generator, shape, is_late):
+        asked.append(is_late)
+        return sample(self, generator, shape, is_late)
 
     monkeypatch.setattr(replay.HindsightReplay, 'sample', recorded)
-    _run(_options(tmp_path, 'push', relay_share=0.0, near_share=0.5))
-    assert shares == [0.0, 0.5]
+    _run(_options(tmp_path, 'push', relay_share=0.0))
+    assert asked == [False, True]
 
 
 def test_reach_is_learned_within_a_few_thousand_steps(tmp_path):

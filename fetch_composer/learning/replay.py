@@ -106,22 +106,24 @@ class HindsightReplay:
         self._near[rows] = (np.square(apart).sum(axis=-1) < _NEAR**2).any(axis=-1)
 
     def sample(
-        self, generator: np.random.Generator, shape: tuple[int, ...], near_share: float = 0.0
+        self, generator: np.random.Generator, shape: tuple[int, ...], is_late: bool = False
     ) -> Transitions:
         """Returns transitions.
 
         Args:
             generator: Draws them.
             shape: Leading dimensions of what is returned.
-            near_share: Share of moments at which the gripper is near the object.
+            is_late: Whether the second half of a run has begun.
         """
         settings, steps = self._settings, self._steps
+        hindsight_share = settings.late_hindsight_share if is_late else settings.hindsight_share
+        near_share = settings.near_share if is_late else 0.0
         observations, goals, actions = self._episodes
         count = int(np.prod(shape))
         episode, time = self._sample_moments(generator, count, near_share)
 
         later = time + 1 + generator.integers(steps - time)
-        in_hindsight = generator.random(count) < settings.hindsight_share
+        in_hindsight = generator.random(count) < hindsight_share
         achieved_later = networks.achieved_goal(observations[episode, later])
         goal = np.where(in_hindsight[:, None], achieved_later, goals[episode])
 

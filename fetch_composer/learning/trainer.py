@@ -152,11 +152,11 @@ class Trainer:
         num_scans = int(np.ceil(cycles * settings.actor_delay / _MOST_UPDATES_AT_ONCE))
         shape = (max(round(cycles / num_scans), 1), settings.actor_delay, settings.batch_size)
         scale, rate = self._statistics.scale(), self._learning_rate()
-        near_share = settings.near_share if self._falling() else 0.0
+        is_late = self._falling() > 0
         losses: list[jax.Array] = []
         for i in range(num_scans):
             # Drawn while the updates before are under way; no more than these are in memory.
-            transitions = self._replay.sample(self._generator, shape, near_share)
+            transitions = self._replay.sample(self._generator, shape, is_late)
             if i > 0:
                 losses[-1].block_until_ready()
             self._learner, loss = td3.update(
