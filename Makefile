@@ -5,8 +5,10 @@ BIN := $(VENV)/bin
 # For EnvPool, which needs it; `make bench PYTHON312=...` if it is elsewhere.
 PYTHON312 ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.12.*/bin/python3.12) python3.12)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# Python compiles a module when it is first imported; most of those that are installed never are.
-INSTALL := $(BIN)/pip install -q --no-compile
+# uv fetches packages side by side, in a third of the time. pip, which follows a configuration of its own, is for where
+# uv is not to be had, or fails. Python compiles a module when it is first imported; most of them never are.
+PIP_INSTALL := PYTHONWARNINGS=ignore $(BIN)/pip install -q --no-compile
+install = $(BIN)/uv pip install -q --python $(BIN)/python $(1) 2>/dev/null || $(PIP_INSTALL) $(1)
 
 # Runs a command as root where that is permitted without a password.
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo env; elif sudo -n true 2>/dev/null; then echo sudo -n; else echo false; fi)
@@ -117,30 +119,31 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || $(APT_INSTALL) python3-venv || \
 	  { echo "venv is missing; run: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) --upgrade pip $(LABMAZE)
+	$(PIP_INSTALL) uv || true
+	$(if $(LABMAZE),$(call install,$(LABMAZE)))
 
 $(VENV)/.explore: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[explore]'
+	$(call install,-e '.[explore]')
 	@touch $@
 
 $(VENV)/.learn: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[learn]'
+	$(call install,-e '.[learn]')
 	@touch $@
 
 $(VENV)/.datasets: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[minari]'
+	$(call install,-e '.[minari]')
 	@touch $@
 
 $(VENV)/.docs: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[docs]'
+	$(call install,-e '.[docs]')
 	@touch $@
 
 $(VENV)/.test: $(BIN)/python setup.py
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[test]'
+	$(call install,-e '.[test]')
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.test
-	PYTHONWARNINGS=ignore $(INSTALL) -e '.[ray]'
+	$(call install,-e '.[ray]')
 	@touch $@
 
 .venv-clients-acme/.installed: EXTRA = [acme]
@@ -162,7 +165,7 @@ $(VENV)/.bench: $(VENV)/.test
 	@touch $@
 
 $(VENV)/.build: $(BIN)/python
-	$(INSTALL) build
+	$(call install,build)
 	@touch $@
 
 # What the benchmarks compare with, each in a virtual environment of its own. What cannot be installed is skipped.
