@@ -9,7 +9,8 @@ pip install -e '.[sbx]'
 python examples/sb3_her.py --library sbx
 
 What it takes: an update for every two control steps; inputs that are normalised, since all of them
-are within centimetres; layers that are normalised; and large noise on some of the actions.
+are within centimetres; layers that are normalised; large noise on some of the actions; and, where
+there is an object, half of every batch from episodes that moved it.
 """
 
 import argparse
@@ -22,13 +23,13 @@ import numpy as np
 import stable_baselines3
 import torch
 from matplotlib import pyplot as plt
-from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common import env_checker
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fetch_composer.explorer.episodes import seeds
+from fetch_composer.interfaces.sb3_replay_buffer import MovedHerReplayBuffer
 from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -103,7 +104,7 @@ def main(args: argparse.Namespace) -> None:
         target_noise_clip=0.0,
         policy_kwargs={'net_arch': [128, 128], 'activation_fn': activation},
         gradient_steps=args.gradient_steps,
-        replay_buffer_class=HerReplayBuffer,
+        replay_buffer_class=MovedHerReplayBuffer,
         seed=args.seed,
     )
     test_env = SB3VecEnv(gym.make_vec(args.env, num_envs=100))

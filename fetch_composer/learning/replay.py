@@ -8,8 +8,8 @@ import numpy as np
 from fetch_composer.learning import networks, symmetry
 from fetch_composer.learning.settings import Settings
 from fetch_composer.tasks import rewards
+from fetch_composer.tasks.movement import has_moved
 
-_MOVED = 0.005  # m from its start, along an axis, after which an object counts as moved.
 _LIFTED = 0.04  # m above its start, after which it counts as lifted.
 _NEAR = 0.05  # m along the table from the gripper to an object that it is near to.
 _MOST_DRAWS = 20  # Of a transition that is to be near an object.
@@ -99,7 +99,7 @@ class HindsightReplay:
         observations = self._episodes.observations[rows]
         achieved = networks.achieved_goal(observations)
         way = achieved - achieved[:, :1]
-        self._moved[rows] = np.abs(way).max(axis=(1, 2)) > _MOVED
+        self._moved[rows] = has_moved(achieved)
         self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
         objects = achieved[:, :-1].reshape(len(achieved), self._steps, -1, 3)
         apart = objects[..., :2] - observations[:, :-1, np.newaxis, :2]

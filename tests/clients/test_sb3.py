@@ -14,6 +14,7 @@ from stable_baselines3 import HerReplayBuffer  # noqa: E402
 from stable_baselines3.common import env_checker, vec_env  # noqa: E402
 
 import fetch_composer  # noqa: E402
+from fetch_composer.interfaces.sb3_replay_buffer import MovedHerReplayBuffer  # noqa: E402
 from fetch_composer.interfaces.sb3_vec_env import SB3VecEnv  # noqa: E402
 from tests import episodes  # noqa: E402
 
@@ -29,6 +30,40 @@ _REACH = 'fetch_composer/FetchReach-v2'  # Whose goals uniform actions achieve a
 
 def _vec_env(num_envs: int, env_id: str = _PUSH, **options) -> SB3VecEnv:
     return SB3VecEnv(gym.make_vec(env_id, num_envs=num_envs, **options))
+
+
+def _buffer(env, size: int, kind: type = HerReplayBuffer, **options) -> HerReplayBuffer:
+    spaces = env.observation_space, env.action_space
+    return kind(size, *spaces, env, n_envs=env.num_envs, device='cpu', **options)
+
+
+def _fill(buffer, env, policy, steps: int) -> int:
+    """Keeps what a policy of observations does; returns how many episodes ended at their goals."""
+    env.seed(0)
+    observation, ended = env.reset(), 0
+    for _ in range(steps):
+        action = policy(observation)
+        following, reward, done, infos = env.step(action)
+        last = {k: v.copy() for k, v in following.items()}
+        for i in np.flatnonzero(done):
+            ended += not infos[i]['TimeLimit.truncated']
+            for name, value in infos[i]['terminal_observation'].items():
+                last[name][i] = value
+        buffer.add(observation, last, action, reward, done, infos)
+        observation = following
+    return ended
+
+
+def _uniform(env):
+    generator = np.random.default_rng(0)
+    return lambda observation: generator.uniform(-1, 1, (env.num_envs, 4)).astype(np.float32)
+
+
+def _one_in_four_pushes(observation) -> np.ndarray:
+    actions = np.zeros((len(observation['observation']), 4), np.float32)
+    for i in range(0, len(actions), 4):
+        actions[i] = episodes.push_through({k: v[i] for k, v in observation.items()})
+    return actions
 
 
 @pytest.mark.parametrize('version', ['v2', 'v4'])
@@ -73,21 +108,8 @@ def test_a_vector_that_starts_episodes_by_itself_is_refused():
 
 def test_hindsight_keeps_the_ends_of_episodes_that_end_at_their_goals():
     env = _vec_env(8, _REACH, terminate_on_success=True)
-    buffer = HerReplayBuffer(
-        2000, env.observation_space, env.action_space, env, n_envs=8, device='cpu'
-    )
-    env.seed(0)
-    observation = env.reset()
-    ended = 0
-    for action in episodes.uniform_actions(150, batch_shape=(8,)):
-        following, reward, done, infos = env.step(action)
-        last = {k: v.copy() for k, v in following.items()}
-        for i in np.flatnonzero(done):
-            ended += not infos[i]['TimeLimit.truncated']
-            for name, value in infos[i]['terminal_observation'].items():
-                last[name][i] = value
-        buffer.add(observation, last, action, reward, done, infos)
-        observation = following
+    buffer = _buffer(env, 2000)
+    ended = _fill(buffer, env, _uniform(env), 150)
     assert ended > 0
     batch = buffer.sample(2000)
     assert batch.dones.any()
@@ -136,18 +158,8 @@ def test_attributes_are_common_to_all():
 
 def test_relabelled_transitions_have_the_reward_of_their_new_goal():
     env = _vec_env(4)
-    buffer = HerReplayBuffer(
-        1000, env.observation_space, env.action_space, env, n_envs=4, device='cpu'
-    )
-    observation = env.reset()
-    for action in episodes.uniform_actions(50, batch_shape=(4,)):
-        following, reward, done, infos = env.step(action)
-        last = {k: v.copy() for k, v in following.items()}
-        for i in np.flatnonzero(done):
-            for name, value in infos[i]['terminal_observation'].items():
-                last[name][i] = value
-        buffer.add(observation, last, action, reward, done, infos)
-        observation = following
+    buffer = _buffer(env, 1000)
+    _fill(buffer, env, _uniform(env), 50)
     batch = buffer.sample(500)
     expected = fetch_composer.compute_reward(
         batch.next_observations['achieved_goal'].numpy(),
@@ -157,6 +169,57 @@ def test_relabelled_transitions_have_the_reward_of_their_new_goal():
     np.testing.assert_array_equal(batch.rewards.numpy()[:, 0], expected)
     assert not batch.dones.any(), 'the tasks are continuing: episodes are truncated'
     assert (expected == 0).any() and (expected == -1).any()
+
+
+@pytest.mark.parametrize('share', [0, 0.5, 1])
+def test_a_share_of_transitions_is_from_episodes_that_moved_the_object(share):
+    env = _vec_env(4)
+    buffer = _buffer(env, 1000, MovedHerReplayBuffer, moved_share=share)
+    _fill(buffer, env, _one_in_four_pushes, 50)
+    pushed = buffer.sample(4000).actions.any(axis=1)  # The others never act.
+    assert abs(float(pushed.float().mean()) - (share + (1 - share) / 4)) < 0.05
+
+
+def test_transitions_of_moved_objects_have_goals_of_both_kinds_in_every_part_of_a_draw():
+    env = _vec_env(8)
+    buffer = _buffer(env, 4000, MovedHerReplayBuffer)
+    _fill(buffer, env, _one_in_four_pushes, 100)
+    batch = buffer.sample(8 * 256)
+    np.testing.assert_array_equal(
+        batch.rewards.numpy()[:, 0],
+        fetch_composer.compute_reward(
+            batch.next_observations['achieved_goal'].numpy(),
+            batch.observations['desired_goal'].numpy(),
+        ),
+    )
+    own = np.unique(buffer.observations['desired_goal'].reshape(-1, 3), axis=0)
+    for part in np.split(batch.observations['desired_goal'].numpy(), 8):
+        are_own = (part[:, None] == own).all(axis=2).any(axis=1)
+        assert 0.05 < are_own.mean() < 0.4  # A fifth, with `n_sampled_goal` of 4.
+
+
+def test_episodes_that_are_overwritten_are_not_drawn():
+    env = _vec_env(4)
+    buffer = _buffer(env, 4 * 120, MovedHerReplayBuffer, moved_share=1)
+    _fill(buffer, env, _one_in_four_pushes, 100)
+    before = buffer.sample(200)
+    assert before.actions.any(axis=1).all()
+    still = np.zeros((4, 4), np.float32)
+    _fill(buffer, env, lambda observation: still, 130)
+    assert not buffer.sample(200).actions.any()
+
+
+def test_without_a_moved_object_transitions_are_drawn_from_all_episodes():
+    env = _vec_env(2)
+    buffer = _buffer(env, 200, MovedHerReplayBuffer, moved_share=1)
+    _fill(buffer, env, lambda observation: np.ones((2, 4), np.float32), 50)
+    assert len(buffer.sample(64).actions) == 64
+
+
+@pytest.mark.parametrize('share', [-0.1, 1.1, np.nan])
+def test_a_share_that_is_none_is_refused(share):
+    with pytest.raises(ValueError, match='moved_share must be from 0 to 1'):
+        _buffer(_vec_env(2), 100, MovedHerReplayBuffer, moved_share=share)
 
 
 @pytest.mark.parametrize('library', ['stable_baselines3', 'sbx'])
