@@ -41,6 +41,7 @@ parser.add_argument('--gradient_steps', type=int, default=32, help='per step of 
 parser.add_argument('--evaluations', type=int, default=10, help='points of the learning curve')
 parser.add_argument('--noise', type=float, default=0.2, help='of actions while exploring')
 parser.add_argument('--large_noise_share', type=float, default=0.3, help='of all actions')
+parser.add_argument('--moved_share', type=float, default=0.5, help='of a batch; 0: plain hindsight')
 parser.add_argument('--seed', type=int, default=0)
 parser.add_argument('--output_dir', type=pathlib.Path, default='output/sb3_her')
 
@@ -105,6 +106,7 @@ def main(args: argparse.Namespace) -> None:
         policy_kwargs={'net_arch': [128, 128], 'activation_fn': activation},
         gradient_steps=args.gradient_steps,
         replay_buffer_class=MovedHerReplayBuffer,
+        replay_buffer_kwargs={'moved_share': args.moved_share},
         seed=args.seed,
     )
     test_env = SB3VecEnv(gym.make_vec(args.env, num_envs=100))

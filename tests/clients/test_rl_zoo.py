@@ -22,11 +22,11 @@ def test_there_are_settings_for_every_task_and_convention(task_name, convention)
     assert gymnasium_ids.env_id(task_name, convention) in settings
 
 
-@pytest.mark.parametrize('version', ['v2', 'v4'])
-def test_the_training_script_trains(tmp_path, version):
+@pytest.mark.parametrize('env_id', ['FetchReach-v2', 'FetchReach-v4', 'FetchPush-v2'])
+def test_the_training_script_trains(tmp_path, env_id):
     command = [
         sys.executable, '-m', 'rl_zoo3.train', '--algo=td3',
-        f'--env=fetch_composer/FetchReach-{version}', '--gym-packages=fetch_composer',
+        f'--env=fetch_composer/{env_id}', '--gym-packages=fetch_composer',
         f'--conf-file={_SETTINGS}', '--n-timesteps=1200', '--eval-freq=-1', '--num-threads=1',
     ]  # fmt: skip
     subprocess.run(
@@ -36,5 +36,5 @@ def test_the_training_script_trains(tmp_path, version):
         check=True,
         stdout=subprocess.DEVNULL,
     )
-    (model,) = tmp_path.glob(f'logs/td3/*FetchReach-{version}_1/*FetchReach-{version}.zip')
+    (model,) = tmp_path.glob(f'logs/td3/*{env_id}_1/*{env_id}.zip')
     assert model.stat().st_size > 100_000
