@@ -96,6 +96,7 @@ def main(args: argparse.Namespace) -> None:
         'MultiInputPolicy',
         VecNormalize(env, norm_reward=False, clip_obs=5),
         learning_rate=1e-3,
+        buffer_size=args.steps,
         learning_starts=100 * args.num_envs,  # Two episodes of random actions each.
         batch_size=256,
         gamma=0.96,

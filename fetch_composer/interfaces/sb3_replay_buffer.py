@@ -45,6 +45,12 @@ class MovedHerReplayBuffer(HerReplayBuffer):
         super().__init__(*args, **kwargs)
         self._moved_share = moved_share
         self._has_moved = np.zeros(self.ep_length.shape, dtype=bool)
+        self._length_of_moved: np.ndarray | None = None  # As `ep_length`; None if it is not known.
+
+    def add(self, *args, **kwargs) -> None:
+        """Keeps a transition of every environment, as `HerReplayBuffer` does."""
+        super().add(*args, **kwargs)
+        self._length_of_moved = None
 
     def _compute_episode_length(self, env_idx: int) -> None:
         """Takes note of an episode that has just ended."""
@@ -61,16 +67,18 @@ class MovedHerReplayBuffer(HerReplayBuffer):
             batch_size: How many.
             env: What normalises observations and rewards, if anything does.
         """
-        of_moved = np.where(self._has_moved, self.ep_length, 0)
-        count = round(self._moved_share * batch_size) if of_moved.any() else 0
+        if self._length_of_moved is None:  # Several draws may follow one step.
+            self._length_of_moved = np.where(self._has_moved, self.ep_length, 0)
+        has_any = bool(self._length_of_moved.any())
+        count = round(self._moved_share * batch_size) if has_any else 0
         parts = [super().sample(batch_size - count, env)] if count < batch_size else []
         if count:
             # The parent draws from episodes whose length is not 0.
-            of_all, self.ep_length = self.ep_length, of_moved
+            length, self.ep_length = self.ep_length, self._length_of_moved
             try:
                 parts.append(super().sample(count, env))
             finally:
-                self.ep_length = of_all
+                self.ep_length = length
         order = np.random.permutation(batch_size)
         fields = zip(*parts, strict=True)
         return DictReplayBufferSamples(*(_in_order(order, *values) for values in fields))
