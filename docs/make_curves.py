@@ -172,10 +172,12 @@ def _first_solved(points: Sequence[curve.Point]) -> curve.Point | None:
 
 def _spread(values: Sequence[float | None], form: str) -> str:
     """Returns the median and, of several that differ, the range; `not` for one that is missing."""
-    ordered = sorted(np.inf if value is None else value for value in values)
-    shown = ['not' if np.isinf(value) else form.format(value) for value in ordered]
-    middle = shown[len(shown) // 2]
-    return middle if shown[0] == shown[-1] else f'{middle} ({shown[0]} to {shown[-1]})'
+    known = [np.inf if value is None else value for value in values]
+    middle, least, most = (
+        'not' if np.isinf(value) else form.format(value)
+        for value in (np.median(known), min(known), max(known))
+    )
+    return middle if least == most else f'{middle} ({least} to {most})'
 
 
 def _policies() -> str:
