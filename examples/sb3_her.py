@@ -7,6 +7,7 @@ SBX is the same algorithm with networks in JAX, which are updated faster:
 
 pip install -e '.[sbx]'
 python examples/sb3_her.py --library sbx
+python examples/sb3_her.py --library sbx --env fetch_composer/FetchPush-v2 --steps 240000
 
 What it takes: an update for every two control steps; inputs that are normalised, since all of them
 are within centimetres; layers that are normalised; large noise on some of the actions; and, where

@@ -19,8 +19,8 @@ except ImportError as error:
 class MovedHerReplayBuffer(HerReplayBuffer):
     """A `HerReplayBuffer` that takes a share of transitions from episodes that moved an object.
 
-    Of episodes of random actions one in twenty does. In hindsight the others are at their goal from
-    the first step to the last, whatever the gripper does, and by themselves they teach just that.
+    Few episodes of random actions do. In hindsight the others are at their goal from the first step
+    to the last, whatever the gripper does, and by themselves they teach just that.
 
     Transitions come in random order. Those of `HerReplayBuffer` have goals in hindsight last, and
     SBX cuts the batches of several updates from one draw: most of them would have no other goals.
