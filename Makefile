@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 # For EnvPool, which needs it; `make bench PYTHON312=...` if it is elsewhere.
 PYTHON312 ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.12.*/bin/python3.12) python3.12)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# uv fetches packages side by side, in a third of the time. pip, which follows a configuration of its own, is for where
-# uv is not to be had, or fails. Python compiles a module when it is first imported; most of them never are.
+# uv fetches packages side by side. pip, which follows a configuration of its own, is for where uv is not to be had, or
+# fails. Python compiles a module when it is first imported; most of those that are installed never are.
 PIP_INSTALL := PYTHONWARNINGS=ignore $(BIN)/pip install -q --no-compile
 install = $(BIN)/uv pip install -q --python $(BIN)/python $(1) 2>/dev/null || $(PIP_INSTALL) $(1)
 

@@ -98,9 +98,9 @@ class HindsightReplay:
         """Notes of episodes that are kept what `sample` chooses by."""
         observations = self._episodes.observations[rows]
         achieved = networks.achieved_goal(observations)
-        way = achieved - achieved[:, :1]
         self._moved[rows] = has_moved(achieved)
-        self._lifted[rows] = way[..., 2::3].max(axis=(1, 2)) > _LIFTED
+        height = achieved[..., 2::3]
+        self._lifted[rows] = (height - height[:, :1]).max(axis=(1, 2)) > _LIFTED
         objects = achieved[:, :-1].reshape(len(achieved), self._steps, -1, 3)
         apart = objects[..., :2] - observations[:, :-1, np.newaxis, :2]
         self._near[rows] = (np.square(apart).sum(axis=-1) < _NEAR**2).any(axis=-1)

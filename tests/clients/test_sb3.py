@@ -205,6 +205,10 @@ def test_episodes_that_are_overwritten_are_not_drawn():
     before = buffer.sample(200)
     assert before.actions.any(axis=1).all()
     still = np.zeros((4, 4), np.float32)
+    _fill(buffer, env, lambda observation: still, 30)  # Over the beginning of the first episode.
+    drawn = buffer.sample(200).observations['observation'].numpy()
+    second = buffer.observations['observation'][50:100, 0]
+    assert (drawn[:, np.newaxis] == second).all(axis=2).any(axis=1).all()
     _fill(buffer, env, lambda observation: still, 130)
     assert not buffer.sample(200).actions.any()
 
