@@ -1,10 +1,7 @@
-"""The Gymnasium face: spaces, seeds, options, rendering, vector forms."""
+"""The Gymnasium face: spaces, seeds, options, vector forms."""
 
 import functools
-import os
 import pickle
-import subprocess
-import sys
 
 import gymnasium as gym
 import numpy as np
@@ -153,27 +150,6 @@ def test_a_copy_by_pickle_is_the_same_environment():
         np.testing.assert_array_equal(one[name], another[name])
 
 
-@pytest.mark.parametrize('mode', ['rgb_array', 'depth_array'])
-def test_pictures_have_their_size_and_show_something(mode):
-    env = gym.make(
-        'fetch_composer/FetchPush-v2', render_mode=mode, width=96, height=64, camera_name='front'
-    )
-    env.reset(seed=0)
-    picture = env_checker.env_render_passive_checker(env.unwrapped)
-    assert picture.shape == ((64, 96, 3) if mode == 'rgb_array' else (64, 96))
-    assert picture.dtype == (np.uint8 if mode == 'rgb_array' else np.float32)
-    assert picture.std() > 0.1
-    env.close()
-    env.close()
-
-
-def test_unknown_cameras_and_modes_are_answered_with_the_valid_ones():
-    with pytest.raises(ValueError, match='valid are front, corner'):
-        gym.make('fetch_composer/FetchPush-v2', camera_name='back')
-    with pytest.raises(ValueError, match='valid are human, rgb_array, depth_array'):
-        gymnasium_env.FetchEnv('push', render_mode='ascii')
-
-
 def _run_vector(env, actions):
     observation, _ = env.reset(seed=3)
     results = [(observation, None, None, None)]
@@ -212,70 +188,6 @@ def test_the_vector_form_takes_its_length_of_episode_options_and_info():
     assert info['is_success'].shape == (2,)
     with pytest.raises(ValueError, match='valid are object_position, goal'):
         env.reset(options={'x': 1})
-
-
-_WITHOUT_GYMNASIUM = """
-import sys
-sys.modules['gymnasium'] = None
-import fetch_composer
-fetch_composer.load('push', seed=0).reset()
-try:
-    import fetch_composer.interfaces.gymnasium_env
-except ImportError as error:
-    print(error)
-"""
-
-
-def test_everything_else_works_without_gymnasium():
-    run = [sys.executable, '-c', _WITHOUT_GYMNASIUM]
-    result = subprocess.run(run, capture_output=True, text=True, check=True)
-    assert "pip install 'fetch_composer[gymnasium]'" in result.stdout
-
-
-def test_a_window_without_a_display_is_refused_with_a_way_out():
-    script = (
-        'import gymnasium as gym, fetch_composer\n'
-        "env = gym.make('fetch_composer/FetchPush-v4', render_mode='human')\n"
-        'try:\n    env.reset(seed=0)\nexcept RuntimeError as error:\n    print(error)\n'
-    )
-    result = subprocess.run(
-        [sys.executable, '-c', script],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={'PATH': '', 'MUJOCO_GL': 'disabled'},
-    )
-    assert 'rgb_array' in result.stdout
-
-
-_BROKEN_GYMNASIUM = """
-import fetch_composer
-print(fetch_composer.load('push', seed=0).reset().observation['desired_goal'].shape)
-"""
-
-
-def test_a_gymnasium_that_cannot_be_used_breaks_nothing_else(tmp_path):
-    (tmp_path / 'gymnasium.py').write_text("raise AttributeError('AutoresetMode')")
-    result = subprocess.run(
-        [sys.executable, '-c', _BROKEN_GYMNASIUM],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join((str(tmp_path), os.getcwd()))},
-        capture_output=True,
-        text=True,
-    )
-    assert result.stdout == '(3,)\n', result.stderr
-
-
-_MAKE_WITHOUT_IMPORT = """
-import gymnasium
-env = gymnasium.make('fetch_composer:fetch_composer/FetchPush-v4')
-print(env.reset(seed=0)[0]['observation'].shape)
-"""
-
-
-def test_an_id_with_its_module_needs_no_import():
-    command = [sys.executable, '-c', _MAKE_WITHOUT_IMPORT]
-    result = subprocess.run(command, capture_output=True, text=True)
-    assert result.stdout == '(25,)\n', result.stderr
 
 
 def test_code_written_against_gymnasium_robotics_finds_what_it_looks_for(env_id):
@@ -325,27 +237,3 @@ def test_after_close_every_call_says_that_it_is_closed():
         for call in env.reset, lambda env=env, action=action: env.step(action):
             with pytest.raises(RuntimeError, match='closed'):
                 call()
-
-
-def test_a_window_shows_an_episode_in_real_time(monkeypatch):
-    """The clock is a stand-in, and so is the window: this machine may have none."""
-
-    class Window:
-        def sync(self):
-            pass
-
-        def close(self):
-            pass
-
-    env = gymnasium_env.FetchEnv('push')
-    env.reset(seed=0)
-    env.render_mode, env._viewer, env._viewer_threads = 'human', Window(), set()
-    clock = [100.0]
-    monkeypatch.setattr(gymnasium_env.time, 'perf_counter', lambda: clock[0])
-    monkeypatch.setattr(
-        gymnasium_env.time, 'sleep', lambda seconds: clock.__setitem__(0, clock[0] + seconds)
-    )
-    for _ in range(26):
-        env.step(np.zeros(4, np.float32))
-    assert clock[0] - 100 == pytest.approx(1.0)
-    env.close()
