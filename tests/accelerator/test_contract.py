@@ -1,4 +1,4 @@
-"""The batch on a device: its time steps."""
+"""The batch on a device: its time steps and resets."""
 
 import dataclasses
 
@@ -85,6 +85,20 @@ def test_rewards_are_those_of_compute_reward(make, task_name):
         goals = [time_step.observation[name] for name in ('achieved_goal', 'desired_goal')]
         expected = fetch_composer.compute_reward(*goals, reward_type)
         np.testing.assert_allclose(time_step.reward, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize('ids', [[2, 0], np.array([True, False, True])], ids=['indices', 'mask'])
+def test_those_that_are_not_reset_stay_as_they_are(make, convention, ids):
+    batch = make('pick_and_place', _NUM_ENVS, seed=0, convention=convention)
+    batch.reset()
+    before = as_numpy(batch.step(np.ones((_NUM_ENVS, 4), np.float32)))
+    after = as_numpy(batch.reset(ids))
+    first, mid, _ = dm_env.StepType
+    assert after.step_type.tolist() == [first, mid, first]
+    assert after.reward.tolist() == [0] * _NUM_ENVS
+    for name, value in after.observation.items():
+        np.testing.assert_array_equal(value[1], before.observation[name][1])
+    assert as_numpy(batch.steps_taken).tolist() == [0, 1, 0]
 
 
 def test_time_steps_are_not_written_to_by_later_ones(make):

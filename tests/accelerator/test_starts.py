@@ -2,7 +2,6 @@
 
 import itertools
 
-import dm_env
 import numpy as np
 import pytest
 
@@ -14,8 +13,6 @@ import fetch_composer  # noqa: E402
 from fetch_composer.warp_batch import as_numpy, philox  # noqa: E402
 
 pytestmark = pytest.mark.warp
-
-_NUM_ENVS = 3
 
 
 @wp.kernel(enable_backward=False)
@@ -119,17 +116,3 @@ def test_places_of_every_episode_hold_in_every_one(make):
         np.testing.assert_allclose(
             observation['achieved_goal'][:, :2], [(1.25, 0.6)] * 2, atol=1e-6
         )
-
-
-@pytest.mark.parametrize('ids', [[2, 0], np.array([True, False, True])], ids=['indices', 'mask'])
-def test_those_that_are_not_reset_stay_as_they_are(make, convention, ids):
-    batch = make('pick_and_place', _NUM_ENVS, seed=0, convention=convention)
-    batch.reset()
-    before = as_numpy(batch.step(np.ones((_NUM_ENVS, 4), np.float32)))
-    after = as_numpy(batch.reset(ids))
-    first, mid, _ = dm_env.StepType
-    assert after.step_type.tolist() == [first, mid, first]
-    assert after.reward.tolist() == [0] * _NUM_ENVS
-    for name, value in after.observation.items():
-        np.testing.assert_array_equal(value[1], before.observation[name][1])
-    assert as_numpy(batch.steps_taken).tolist() == [0, 1, 0]
