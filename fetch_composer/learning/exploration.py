@@ -1,4 +1,4 @@
-"""How actions are chosen while learning: the policy with noise, and a relay before it."""
+"""How actions are chosen while learning: a relay, then the policy, with noise on action and goal."""
 
 import numpy as np
 
@@ -36,10 +36,22 @@ class Explorer:
         # what else could be done.
         left = np.linspace(settings.final_noise, settings.last_final_noise, len(observation))
         self._boldness = 1 - falling * (1 - left)
+        self._beside_goal = self._draw_beside_goal(observation)
         self._relays = None
         if self._relay is not None:
             share = settings.relay_share * self._boldness
             self._relays = Relays(self._relay, settings, share, self._generator, observation)
+
+    def _draw_beside_goal(self, observation: np.ndarray) -> np.ndarray:
+        """Returns (num_envs, goal_size) what is added to the goals that the policy sees."""
+        count = len(observation)
+        size = len(networks.achieved_goal_indices(observation.shape[-1]))
+        beside = np.zeros((count, size // 3, 3), np.float32)
+        if self._settings.goal_noise:  # Without, nothing more is drawn.
+            deviation = self._settings.goal_noise * np.linspace(0, 1, count)
+            along_table = self._generator.standard_normal((count, size // 3, 2))
+            beside[..., :2] = deviation[:, None, None] * along_table
+        return beside.reshape(count, size)
 
     def act(
         self, policy: networks.Policy | None, observation: np.ndarray, goal: np.ndarray
@@ -57,7 +69,8 @@ class Explorer:
         if policy is not None:
             noise = settings.noise * self._boldness[:, None] * draw.standard_normal(shape)
             uniform = draw.random(len(observation)) < settings.uniform_share * self._boldness
-            action = np.where(uniform[:, None], action, policy.act(observation, goal) + noise)
+            chosen = policy.act(observation, goal + self._beside_goal) + noise
+            action = np.where(uniform[:, None], action, chosen)
         if self._relays is not None:
             action = self._relays.act(action, observation)
         return np.clip(action, -1, 1).astype(np.float32)
