@@ -1,4 +1,4 @@
-"""How actions are chosen while learning: a relay, then the policy, with noise on action and goal."""
+"""How actions are chosen while learning: a relay, then the policy with noise on action and goal."""
 
 import numpy as np
 
