@@ -26,6 +26,7 @@ _DOCS = pathlib.Path(__file__).parent
 _DATA = _DOCS / 'curves'
 _POLICIES = pathlib.Path(policies.__file__).parent / 'trained'
 _CURVES_TABLE = 'curves table: made by make curves'
+_FRUGAL_TABLE = 'frugal table: made by make curves'
 _POLICIES_TABLE = 'policies table: made by make curves'
 
 _TASKS = ('reach', 'push', 'pick_and_place', 'slide')
@@ -92,9 +93,9 @@ def keep(run: pathlib.Path, name: str) -> None:
     shutil.copyfile(run / 'summary.json', _DATA / f'{name}.json')
 
 
-def _finished(task: str, convention: str) -> list[tuple[dict, list[curve.Point]]]:
+def _finished(task: str, convention: str, kind: str = '') -> list[tuple[dict, list[curve.Point]]]:
     """Returns summary and curve of each finished run, in the order of their seeds."""
-    paths = _DATA.glob(f'{task}_{convention}_seed*.json')
+    paths = _DATA.glob(f'{task}_{convention}{kind}_seed*.json')
     runs = [(files.load_json(path), curve.load(path.with_suffix('.csv'))) for path in paths]
     return sorted(runs, key=lambda run: run[0]['seed'])
 
@@ -166,6 +167,26 @@ def _table() -> str:
     return '\n'.join(rows) + '\n'
 
 
+def _frugal() -> str:
+    """Returns a row of figures for each run with `--frugal`."""
+    rows = [
+        f'| task | convention | seed | {_SOLVED:.0%} after steps | at the end | steps in all '
+        '| minutes of the processor |',
+        '|---|---|---|---|---|---|---|',
+    ]
+    for task in _TASKS:
+        for convention in _COLOURS:
+            for summary, points in _finished(task, convention, '_frugal'):
+                solved = _first_solved(points)
+                rows.append(
+                    f'| {task} | {convention} | {summary["seed"]} '
+                    f'| {_spread([solved and solved.environment_steps], "{:,.0f}")} '
+                    f'| {summary["success_rate"]:.3f} | {summary["environment_steps"]:,} '
+                    f'| {summary["cpu_minutes"]:.1f} |'
+                )
+    return '\n'.join(rows) + '\n'
+
+
 def _first_solved(points: Sequence[curve.Point]) -> curve.Point | None:
     return next((point for point in points if point.success >= _SOLVED), None)
 
@@ -210,6 +231,7 @@ def main(args: argparse.Namespace) -> None:
         files.save_json(path, {**summary, 'command': command(summary)})
     _draw()
     markdown.write_between_markers(_DOCS / 'learning.md', _CURVES_TABLE, _table())
+    markdown.write_between_markers(_DOCS / 'learning.md', _FRUGAL_TABLE, _frugal())
     markdown.write_between_markers(_DOCS / 'policies.md', _POLICIES_TABLE, _policies())
 
 

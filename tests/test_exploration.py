@@ -1,7 +1,5 @@
 """What an exploring policy sees, and what is kept of its episodes."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ for _package in ('jax', 'optax'):
     pytest.importorskip(_package, reason="needs pip install 'fetch_composer[learn]'")
 
 from fetch_composer import BatchEnvironment  # noqa: E402
-from fetch_composer.learning import exploration, rollout, settings  # noqa: E402
+from tests import exploring  # noqa: E402
 
 _NUM_ENVS, _STEPS = 64, 5
 
@@ -27,22 +25,12 @@ class _Recorder:
 
 def _explore(task, convention, **changes):
     """Returns goals as the policy saw them, (steps, num_envs, goal_size), and the episodes."""
-    quiet = {'noise': 0.0, 'uniform_share': 0.0}
-    chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
-    explorer, recorder = exploration.Explorer(chosen, np.random.default_rng(0)), _Recorder()
+    recorder = _Recorder()
+    episodes = exploring.explore(task, convention, recorder, _NUM_ENVS, _STEPS, **changes)
     batch = BatchEnvironment(task, _NUM_ENVS, convention=convention)
-    try:
-        episodes = rollout.run_episodes(
-            batch,
-            range(_NUM_ENVS),
-            _STEPS,
-            lambda observation, goal: explorer.act(recorder, observation, goal),
-            explorer.begin,
-        )
-        batch.seed(range(_NUM_ENVS))
-        goals = batch.reset().observation['desired_goal']
-    finally:
-        batch.close()
+    batch.seed(range(_NUM_ENVS))
+    goals = batch.reset().observation['desired_goal']
+    batch.close()
     assert episodes.goals == pytest.approx(goals, abs=1e-6)
     return np.stack(recorder.goals), episodes
 

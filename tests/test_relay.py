@@ -1,7 +1,5 @@
 """What relays do while learning: they bring the gripper to the object, and shove or grip it."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,8 @@ for _package in ('jax', 'optax'):
     pytest.importorskip(_package, reason="needs pip install 'fetch_composer[learn]'")
 
 from fetch_composer import BatchEnvironment  # noqa: E402
-from fetch_composer.learning import exploration, relay, rollout, settings  # noqa: E402
+from fetch_composer.learning import relay, settings  # noqa: E402
+from tests import exploring  # noqa: E402
 
 _NUM_ENVS = 32
 
@@ -39,23 +38,10 @@ class _Recorder(_StraightToTheGoal):
         return super().act(observation, goal)
 
 
-def _explore(task, convention, reach=None, start=(0,) * 10, falling=0.0, **changes):
+def _explore(task, convention, reach=None, start=(0,) * 10, **changes):
     """Returns an exploring episode of each environment, by a policy that does nothing itself."""
-    quiet = {'noise': 0.0, 'uniform_share': 0.0}
-    chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
     reaching = relay.Relay(reach or _StraightToTheGoal(), np.array(start))
-    explorer = exploration.Explorer(chosen, np.random.default_rng(0), reaching)
-    batch = BatchEnvironment(task, _NUM_ENVS, convention=convention)
-    try:
-        return rollout.run_episodes(
-            batch,
-            range(_NUM_ENVS),
-            50,
-            lambda observation, goal: explorer.act(_DoNothing(), observation, goal),
-            lambda observation: explorer.begin(observation, falling),
-        )
-    finally:
-        batch.close()
+    return exploring.explore(task, convention, _DoNothing(), _NUM_ENVS, relay=reaching, **changes)
 
 
 def _ways_of_object(episodes):
