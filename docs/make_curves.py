@@ -2,8 +2,9 @@
 the table of docs/policies.md.
 
 `python -m docs.make_curves` (`make curves`) takes most of a day. Stopped, it goes on where it
-was: runs that are finished are not made again, unless settings have changed. With `--draw` it
-learns nothing and only writes what is there.
+was: runs that are finished are not made again, unless settings have changed. `--kind frugal` makes
+runs of few control steps, and `--kind timed` such as end after some minutes: these tell nothing
+where other work is done meanwhile. `--draw` learns nothing and only writes what is there.
 """
 
 import argparse
@@ -26,6 +27,7 @@ _DOCS = pathlib.Path(__file__).parent
 _DATA = _DOCS / 'curves'
 _POLICIES = pathlib.Path(policies.__file__).parent / 'trained'
 _CURVES_TABLE = 'curves table: made by make curves'
+_TIMED_TABLE = 'timed table: made by make curves'
 _FRUGAL_TABLE = 'frugal table: made by make curves'
 _POLICIES_TABLE = 'policies table: made by make curves'
 
@@ -34,34 +36,48 @@ _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
 # Of the processor: a machine that does other work as well does not change them.
 _AXES = {'environment_steps': 'environment steps', 'cpu_minutes': 'minutes of the processor'}
 _SOLVED = 0.95
+_MINUTES = {'reach': 1, 'push': 5, 'pick_and_place': 5, 'slide': 60}  # Of `--kind timed`.
 _GRID = 200  # Places at which the curves of several seeds are compared.
 
 _parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 _parser.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2])
 _parser.add_argument('--runs', type=pathlib.Path, default='output/curves', help='their folder')
+_parser.add_argument('--tasks', nargs='+', choices=_TASKS, default=_TASKS)
+_parser.add_argument('--kind', choices=('whole', 'timed', 'frugal'), default='whole')
 _parser.add_argument('--draw', action='store_true', help='learn nothing')
 
 
-def _learn(runs: pathlib.Path, seeds: Sequence[int]) -> None:
+def _learn(args: argparse.Namespace) -> None:
     """Makes the runs that are not finished, and keeps the curve and the figures of each."""
-    for seed in seeds:
-        for task in _TASKS:
+    kind, frugal = _suffix(args.kind), args.kind == 'frugal'
+    for seed in args.seeds:
+        for task in args.tasks:
             for convention in _COLOURS:
-                name = f'{task}_{convention}_seed{seed}'
-                if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task):
+                name = f'{task}_{convention}{kind}_seed{seed}'
+                if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task, frugal):
                     continue
                 print(name, flush=True)
                 words = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
                 flags = [f'--convention={convention}', f'--seed={seed}', '--no-report']
-                subprocess.run([*words, *flags, f'--output_dir={runs / name}'], check=True)
-                keep(runs / name, name)
+                if frugal:
+                    flags.append('--frugal')
+                if args.kind == 'timed':
+                    flags.append(f'--minutes={_MINUTES[task]}')
+                output = args.runs / name
+                subprocess.run([*words, *flags, f'--output_dir={output}'], check=True)
+                keep(output, name)
 
 
-def _has_usual_settings(summary: dict, task: str) -> bool:
-    """Returns whether a run is finished, and was made as `--task` alone makes it."""
+def _suffix(kind: str) -> str:
+    """Returns what the names of runs of this kind have before their seed."""
+    return '' if kind == 'whole' else f'_{kind}'
+
+
+def _has_usual_settings(summary: dict, task: str, frugal: bool = False) -> bool:
+    """Returns whether a run is finished, and was made as `--task` makes it."""
     if not summary:
         return False
-    return _settings(summary) == settings.for_task(task)
+    return _settings(summary) == settings.for_task(task, frugal)
 
 
 def _settings(summary: dict) -> settings.Settings:
@@ -93,9 +109,11 @@ def keep(run: pathlib.Path, name: str) -> None:
     shutil.copyfile(run / 'summary.json', _DATA / f'{name}.json')
 
 
-def _finished(task: str, convention: str, kind: str = '') -> list[tuple[dict, list[curve.Point]]]:
+def _finished(
+    task: str, convention: str, kind: str = 'whole'
+) -> list[tuple[dict, list[curve.Point]]]:
     """Returns summary and curve of each finished run, in the order of their seeds."""
-    paths = _DATA.glob(f'{task}_{convention}{kind}_seed*.json')
+    paths = _DATA.glob(f'{task}_{convention}{_suffix(kind)}_seed*.json')
     runs = [(files.load_json(path), curve.load(path.with_suffix('.csv'))) for path in paths]
     return sorted(runs, key=lambda run: run[0]['seed'])
 
@@ -140,15 +158,15 @@ def _draw_curves(axes, curves, place: str, colour: str, label: str) -> None:
 def _table() -> str:
     """Returns a row of figures for each task and convention, and a line for each run."""
     rows = [
-        f'| task | convention | seeds | {_SOLVED:.0%} after steps | minutes | of the processor '
-        '| at the end | steps in all | minutes in all | of the processor |',
-        '|---|---|---|---|---|---|---|---|---|---|',
+        f'| task | convention | seeds | {_SOLVED:.0%} after steps | processor minutes '
+        '| at the end | steps in all | processor minutes in all |',
+        '|---|---|---|---|---|---|---|---|',
     ]
     for task in _TASKS:
         for convention in _COLOURS:
             runs = _finished(task, convention)
             if not runs:
-                rows.append(f'| {task} | {convention} | 0 | | | | | | | |')
+                rows.append(f'| {task} | {convention} | 0 | | | | | |')
                 continue
             solved = [_first_solved(points) for _, points in runs]
             summaries = [summary for summary, _ in runs]
@@ -157,12 +175,32 @@ def _table() -> str:
             rows.append(
                 f'| {task} | {convention} | {len(runs)}{note} '
                 f'| {_spread([s and s.environment_steps for s in solved], "{:,.0f}")} '
-                f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
                 f'| {_spread([s and s.cpu_minutes for s in solved], "{:.1f}")} '
                 f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} '
                 f'| {_spread([s["environment_steps"] for s in summaries], "{:,.0f}")} '
-                f'| {_spread([s["minutes"] for s in summaries], "{:.1f}")} '
                 f'| {_spread([s["cpu_minutes"] for s in summaries], "{:.1f}")} |'
+            )
+    return '\n'.join(rows) + '\n'
+
+
+def _timed() -> str:
+    """Returns a row of figures for each task and convention with runs of this kind."""
+    rows = [
+        f'| task | convention | seeds | {_SOLVED:.0%} after minutes | ended after | held-out |',
+        '|---|---|---|---|---|---|',
+    ]
+    for task in _TASKS:
+        for convention in _COLOURS:
+            runs = _finished(task, convention, 'timed')
+            if not runs:
+                continue
+            solved = [_first_solved(points) for _, points in runs]
+            summaries = [summary for summary, _ in runs]
+            rows.append(
+                f'| {task} | {convention} | {", ".join(str(each["seed"]) for each in summaries)} '
+                f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
+                f'| {_spread([s["minutes"] for s in summaries], "{:.1f}")} '
+                f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} |'
             )
     return '\n'.join(rows) + '\n'
 
@@ -176,7 +214,7 @@ def _frugal() -> str:
     ]
     for task in _TASKS:
         for convention in _COLOURS:
-            for summary, points in _finished(task, convention, '_frugal'):
+            for summary, points in _finished(task, convention, 'frugal'):
                 solved = _first_solved(points)
                 rows.append(
                     f'| {task} | {convention} | {summary["seed"]} '
@@ -226,11 +264,12 @@ def _policies() -> str:
 def main(args: argparse.Namespace) -> None:
     _DATA.mkdir(exist_ok=True)
     if not args.draw:
-        _learn(args.runs, args.seeds)
+        _learn(args)
     for path, summary in learned().items():
         files.save_json(path, {**summary, 'command': command(summary)})
     _draw()
     markdown.write_between_markers(_DOCS / 'learning.md', _CURVES_TABLE, _table())
+    markdown.write_between_markers(_DOCS / 'learning.md', _TIMED_TABLE, _timed())
     markdown.write_between_markers(_DOCS / 'learning.md', _FRUGAL_TABLE, _frugal())
     markdown.write_between_markers(_DOCS / 'policies.md', _POLICIES_TABLE, _policies())
 
