@@ -8,11 +8,13 @@ where other work is done meanwhile. `--draw` learns nothing and only writes what
 """
 
 import argparse
+import dataclasses
+import itertools
 import pathlib
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib import figure
@@ -37,6 +39,12 @@ _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
 _AXES = {'environment_steps': 'environment steps', 'cpu_minutes': 'minutes of the processor'}
 _SOLVED = 0.95
 _MINUTES = {'reach': 1, 'push': 5, 'pick_and_place': 5, 'slide': 60}  # Of `--kind timed`.
+_FORMS = {
+    'environment_steps': '{:,.0f}',
+    'minutes': '{:.1f}',
+    'cpu_minutes': '{:.1f}',
+    'success_rate': '{:.3f}',
+}
 _GRID = 200  # Places at which the curves of several seeds are compared.
 
 _parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -50,22 +58,21 @@ _parser.add_argument('--draw', action='store_true', help='learn nothing')
 def _learn(args: argparse.Namespace) -> None:
     """Makes the runs that are not finished, and keeps the curve and the figures of each."""
     kind, frugal = _suffix(args.kind), args.kind == 'frugal'
-    for seed in args.seeds:
-        for task in args.tasks:
-            for convention in _COLOURS:
-                name = f'{task}_{convention}{kind}_seed{seed}'
-                if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task, frugal):
-                    continue
-                print(name, flush=True)
-                words = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
-                flags = [f'--convention={convention}', f'--seed={seed}', '--no-report']
-                if frugal:
-                    flags.append('--frugal')
-                if args.kind == 'timed':
-                    flags.append(f'--minutes={_MINUTES[task]}')
-                output = args.runs / name
-                subprocess.run([*words, *flags, f'--output_dir={output}'], check=True)
-                keep(output, name)
+    for seed, task, convention in itertools.product(args.seeds, args.tasks, _COLOURS):
+        name = f'{task}_{convention}{kind}_seed{seed}'
+        if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task, frugal):
+            continue
+        print(name, flush=True)
+        output = args.runs / name
+        words = [sys.executable, '-m', 'fetch_composer.learning', f'--task={task}']
+        words += [f'--convention={convention}', f'--seed={seed}', '--no-report']
+        words.append(f'--output_dir={output}')
+        if frugal:
+            words.append('--frugal')
+        if args.kind == 'timed':
+            words.append(f'--minutes={_MINUTES[task]}')
+        subprocess.run(words, check=True)
+        keep(output, name)
 
 
 def _suffix(kind: str) -> str:
@@ -156,84 +163,79 @@ def _draw_curves(axes, curves, place: str, colour: str, label: str) -> None:
 
 
 def _table() -> str:
-    """Returns a row of figures for each task and convention, and a line for each run."""
-    rows = [
-        f'| task | convention | seeds | {_SOLVED:.0%} after steps | processor minutes '
-        '| at the end | steps in all | processor minutes in all |',
-        '|---|---|---|---|---|---|---|---|',
-    ]
-    for task in _TASKS:
-        for convention in _COLOURS:
-            runs = _finished(task, convention)
-            if not runs:
-                rows.append(f'| {task} | {convention} | 0 | | | | | |')
-                continue
-            solved = [_first_solved(points) for _, points in runs]
-            summaries = [summary for summary, _ in runs]
-            others = sum(not _has_usual_settings(summary, task) for summary in summaries)
-            note = f', {others} with other settings' if others else ''
-            rows.append(
-                f'| {task} | {convention} | {len(runs)}{note} '
-                f'| {_spread([s and s.environment_steps for s in solved], "{:,.0f}")} '
-                f'| {_spread([s and s.cpu_minutes for s in solved], "{:.1f}")} '
-                f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} '
-                f'| {_spread([s["environment_steps"] for s in summaries], "{:,.0f}")} '
-                f'| {_spread([s["cpu_minutes"] for s in summaries], "{:.1f}")} |'
-            )
-    return '\n'.join(rows) + '\n'
+    """Returns a row of figures for each task and convention."""
+    header = ('task', 'convention', 'seeds', f'{_SOLVED:.0%} after steps', 'processor minutes')
+    header += ('at the end', 'steps in all', 'processor minutes in all')
+    rows = []
+    for task, convention, ends, solved in _groups('whole'):
+        others = sum(not _has_usual_settings(end, task) for end in ends)
+        seeds = f'{len(ends)}, {others} with other settings' if others else f'{len(ends)}'
+        first = (_spread('environment_steps', solved), _spread('cpu_minutes', solved))
+        last = (
+            _spread(name, ends) for name in ('success_rate', 'environment_steps', 'cpu_minutes')
+        )
+        rows.append((task, convention, seeds, *first, *last))
+    return markdown.table(header, rows)
 
 
 def _timed() -> str:
     """Returns a row of figures for each task and convention with runs of this kind."""
-    rows = [
-        f'| task | convention | seeds | {_SOLVED:.0%} after minutes | ended after | held-out |',
-        '|---|---|---|---|---|---|',
-    ]
-    for task in _TASKS:
-        for convention in _COLOURS:
-            runs = _finished(task, convention, 'timed')
-            if not runs:
-                continue
-            solved = [_first_solved(points) for _, points in runs]
-            summaries = [summary for summary, _ in runs]
-            rows.append(
-                f'| {task} | {convention} | {", ".join(str(each["seed"]) for each in summaries)} '
-                f'| {_spread([s and s.minutes for s in solved], "{:.1f}")} '
-                f'| {_spread([s["minutes"] for s in summaries], "{:.1f}")} '
-                f'| {_spread([s["success_rate"] for s in summaries], "{:.3f}")} |'
-            )
-    return '\n'.join(rows) + '\n'
+    header = ('task', 'convention', 'seeds', f'{_SOLVED:.0%} after minutes')
+    header += ('ended after', 'held-out')
+    rows = []
+    for task, convention, ends, solved in _groups('timed'):
+        if ends:
+            seeds = ', '.join(str(end['seed']) for end in ends)
+            last = (_spread('minutes', ends), _spread('success_rate', ends))
+            rows.append((task, convention, seeds, _spread('minutes', solved), *last))
+    return markdown.table(header, rows)
 
 
 def _frugal() -> str:
     """Returns a row of figures for each run with `--frugal`."""
-    rows = [
-        f'| task | convention | seed | {_SOLVED:.0%} after steps | at the end | steps in all '
-        '| minutes of the processor |',
-        '|---|---|---|---|---|---|---|',
-    ]
-    for task in _TASKS:
-        for convention in _COLOURS:
-            for summary, points in _finished(task, convention, 'frugal'):
-                solved = _first_solved(points)
-                rows.append(
-                    f'| {task} | {convention} | {summary["seed"]} '
-                    f'| {_spread([solved and solved.environment_steps], "{:,.0f}")} '
-                    f'| {summary["success_rate"]:.3f} | {summary["environment_steps"]:,} '
-                    f'| {summary["cpu_minutes"]:.1f} |'
-                )
-    return '\n'.join(rows) + '\n'
+    header = ('task', 'convention', 'seed', f'{_SOLVED:.0%} after steps')
+    header += ('at the end', 'steps in all', 'minutes of the processor')
+    rows = []
+    for task, convention, ends, solved in _groups('frugal'):
+        for end, point in zip(ends, solved, strict=True):
+            first = _spread('environment_steps', [point])
+            last = (
+                _spread(name, [end])
+                for name in ('success_rate', 'environment_steps', 'cpu_minutes')
+            )
+            rows.append((task, convention, str(end['seed']), first, *last))
+    return markdown.table(header, rows)
+
+
+def _groups(kind: str) -> Iterator[tuple[str, str, list[dict], list[dict | None]]]:
+    """Yields what was run for each task and convention.
+
+    Yields:
+        Task, convention, the figures at the end of each finished run, and those of the first
+        point of its curve at which it is solved: None if it never is.
+    """
+    for task, convention in itertools.product(_TASKS, _COLOURS):
+        runs = _finished(task, convention, kind)
+        solved = [_first_solved(points) for _, points in runs]
+        yield (
+            task,
+            convention,
+            [summary for summary, _ in runs],
+            [point and dataclasses.asdict(point) for point in solved],
+        )
 
 
 def _first_solved(points: Sequence[curve.Point]) -> curve.Point | None:
     return next((point for point in points if point.success >= _SOLVED), None)
 
 
-def _spread(values: Sequence[float | None], form: str) -> str:
+def _spread(name: str, figures: Sequence[dict | None]) -> str:
     """Returns the median and, of several that differ, the range; `not` for one that is missing."""
-    known = [np.inf if value is None else value for value in values]
+    if not figures:
+        return ''
+    known = [np.inf if each is None else each[name] for each in figures]
     middle, least, most = (
-        'not' if np.isinf(value) else form.format(value)
+        'not' if np.isinf(value) else _FORMS[name].format(value)
         for value in (np.median(known), min(known), max(known))
     )
     return middle if least == most else f'{middle} ({least} to {most})'
@@ -241,24 +243,26 @@ def _spread(values: Sequence[float | None], form: str) -> str:
 
 def _policies() -> str:
     """Returns a row for each policy that ships, from its card."""
-    rows = [
-        '| task | convention | success of 1,000 | interval | steps | minutes | of the processor '
-        '| how |',
-        '|---|---|---|---|---|---|---|---|',
-    ]
-    for task in _TASKS:
-        for convention in _COLOURS:
-            card = files.load_json(_POLICIES / f'{task}_{convention}.json')
-            if not card:
-                continue
+    header = ('task', 'convention', 'success of 1,000', 'interval', 'steps', 'minutes')
+    header += ('of the processor', 'how')
+    rows = []
+    for task, convention in itertools.product(_TASKS, _COLOURS):
+        card = files.load_json(_POLICIES / f'{task}_{convention}.json')
+        if card:
             low, high = card['success_interval']
+            names = ('environment_steps', 'minutes')
             rows.append(
-                f'| {task} | {convention} | {card["success_rate"]:.3f} | {low:.3f} to {high:.3f} '
-                f'| {card["environment_steps"]:,} | {card["minutes"]:.1f} '
-                f'| {card.get("cpu_minutes", "")} '
-                f'| {card["method"].split(",")[0].split(" by ")[0]} |'
+                (
+                    task,
+                    convention,
+                    _spread('success_rate', [card]),
+                    f'{low:.3f} to {high:.3f}',
+                    *(_spread(name, [card]) for name in names),
+                    str(card.get('cpu_minutes', '')),
+                    card['method'].split(',')[0].split(' by ')[0],
+                )
             )
-    return '\n'.join(rows) + '\n'
+    return markdown.table(header, rows)
 
 
 def main(args: argparse.Namespace) -> None:

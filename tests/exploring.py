@@ -16,8 +16,7 @@ def explore(task, convention, policy, num_envs, steps=50, relay=None, falling=0.
     quiet = {'noise': 0.0, 'uniform_share': 0.0}
     chosen = dataclasses.replace(settings.for_task(task), **quiet | changes)
     explorer = exploration.Explorer(chosen, np.random.default_rng(0), relay)
-    batch = BatchEnvironment(task, num_envs, convention=convention)
-    try:
+    with BatchEnvironment(task, num_envs, convention=convention) as batch:
         return rollout.run_episodes(
             batch,
             range(num_envs),
@@ -25,5 +24,3 @@ def explore(task, convention, policy, num_envs, steps=50, relay=None, falling=0.
             lambda observation, goal: explorer.act(policy, observation, goal),
             lambda observation: explorer.begin(observation, falling),
         )
-    finally:
-        batch.close()

@@ -27,10 +27,9 @@ def _explore(task, convention, **changes):
     """Returns goals as the policy saw them, (steps, num_envs, goal_size), and the episodes."""
     recorder = _Recorder()
     episodes = exploring.explore(task, convention, recorder, _NUM_ENVS, _STEPS, **changes)
-    batch = BatchEnvironment(task, _NUM_ENVS, convention=convention)
-    batch.seed(range(_NUM_ENVS))
-    goals = batch.reset().observation['desired_goal']
-    batch.close()
+    with BatchEnvironment(task, _NUM_ENVS, convention=convention) as batch:
+        batch.seed(range(_NUM_ENVS))
+        goals = batch.reset().observation['desired_goal']
     assert episodes.goals == pytest.approx(goals, abs=1e-6)
     return np.stack(recorder.goals), episodes
 
