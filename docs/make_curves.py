@@ -104,7 +104,7 @@ def command(summary: dict) -> str:
     options = train.Options(
         **{name: summary[name] for name in ('task', 'convention', 'seed')},
         settings=_settings(summary),
-        minutes=None,
+        minutes=summary['minutes_limit'],
         output_dir=_DATA,
     )
     return options.command

@@ -22,18 +22,46 @@ from fetch_composer import policies
 from fetch_composer.explorer import files
 from fetch_composer.explorer.episodes import provenance
 from fetch_composer.explorer.results import statistics
-from fetch_composer.learning import export, networks, rollout, settings
+from fetch_composer.learning import export, networks, replay, rollout, settings
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--task', default='push', help='name of the task')
 parser.add_argument('--convention', default='documented')
 parser.add_argument('--rounds', type=int, default=60, help='of one episode in each environment')
+parser.add_argument('--hidden', type=int, nargs='+', default=[128, 128], help='units')
 parser.add_argument('--seed', type=int, default=0)
 parser.add_argument('--output_dir', type=pathlib.Path, default='output/imitate_expert')
 
 _NUM_ENVS, _STEPS = 64, 50
 _UPDATES, _BATCH_SIZE = 400, 512  # Of a round.
 _EXPERT_ROUNDS = 4  # In the first rounds the expert acts itself.
+
+
+class Lessons:
+    """What was seen, and what the expert would have done there."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[np.ndarray, ...]] = []
+
+    def add(self, observations: np.ndarray, goals: np.ndarray, labels: np.ndarray) -> None:
+        """Adds (n, size) observations, (n, goal_size) goals and (n, 4) labels."""
+        self._parts.append((observations, goals, labels))
+
+    def __len__(self) -> int:
+        return sum(len(labels) for _, _, labels in self._parts)
+
+    def sample(self, draw: np.random.Generator) -> tuple[np.ndarray, ...]:
+        """Returns the same three, with the dimensions (updates, batch size) before the last.
+
+        Half are of moments next to an object. Few moments are, and what comes of an episode is
+        decided there.
+        """
+        observations, goals, labels = map(np.concatenate, zip(*self._parts, strict=True))
+        rows = draw.integers(len(labels), size=(_UPDATES, _BATCH_SIZE))
+        near = np.flatnonzero(replay.is_near_object(observations))
+        if len(near):
+            rows[:, ::2] = draw.choice(near, size=rows[:, ::2].shape)
+        return observations[rows], goals[rows], labels[rows]
 
 
 @functools.partial(jax.jit, donate_argnums=(0, 1))
@@ -69,9 +97,9 @@ def main(args: argparse.Namespace) -> None:
 
     inputs = networks.num_features(size)
     scale_of = networks.FeatureStatistics(inputs)
-    actor = networks.init(draw, (inputs, 128, 128, 4), last_gain=0.01)
+    actor = networks.init(draw, (inputs, *args.hidden, networks.ACTION_SIZE), last_gain=0.01)
     optimizer = optax.scale_by_adam().init(actor)
-    data: tuple[list, list, list] = ([], [], [])
+    lessons = Lessons()
     for i in range(args.rounds):
         policy = networks.Policy(actor, scale_of.scale())
         act = label if i < _EXPERT_ROUNDS else policy.act
@@ -81,15 +109,15 @@ def main(args: argparse.Namespace) -> None:
         labels = [label(seen[:, step], episodes.goals) for step in range(_STEPS)]
         if i < _EXPERT_ROUNDS:  # What the networks see keeps its scale from here on.
             scale_of.add(episodes.observations, episodes.goals)
-        data[0].append(seen.reshape(-1, size))
-        data[1].append(np.repeat(episodes.goals, _STEPS, axis=0))
-        data[2].append(np.stack(labels, axis=1).reshape(-1, networks.ACTION_SIZE))
+        lessons.add(
+            seen.reshape(-1, size),
+            np.repeat(episodes.goals, _STEPS, axis=0),
+            np.stack(labels, axis=1).reshape(-1, networks.ACTION_SIZE),
+        )
         if i + 1 < _EXPERT_ROUNDS:
             continue
-        rows = draw.integers(sum(map(len, data[0])), size=(_UPDATES, _BATCH_SIZE))
-        drawn = (np.concatenate(each)[rows] for each in data)
         rate = 1e-3 * (1 - i / args.rounds)
-        (actor, optimizer), _ = fit(actor, optimizer, scale_of.scale(), rate, *drawn)
+        (actor, optimizer), _ = fit(actor, optimizer, scale_of.scale(), rate, *lessons.sample(draw))
         if i % 10 == 9:
             print(f'round {i + 1}: success {episodes.is_success().mean():.2f}', flush=True)
 
@@ -97,15 +125,16 @@ def main(args: argparse.Namespace) -> None:
     minutes = (time.monotonic() - start) / 60
     successes = rollout.evaluate(batch, policy.act, settings.TUNING_SEEDS[:1000], _STEPS)
     result = statistics.success_rate(successes)
-    what = {name: getattr(args, name) for name in ('task', 'convention', 'seed', 'rounds')}
-    flags = ' '.join(f'--{name} {value}' for name, value in what.items())
+    what = {name: value for name, value in vars(args).items() if name != 'output_dir'}
+    hidden = ' '.join(map(str, args.hidden))
+    flags = ' '.join(f'--{name} {value}' for name, value in {**what, 'hidden': hidden}.items())
     summary = {
         'method': 'imitation (DAgger) of the scripted expert',
         'command': f'python examples/imitate_expert.py {flags}',
         'success_rate': result.value,
         'success_interval': [result.low, result.high],
         'episodes': len(successes),
-        'environment_steps': sum(map(len, data[0])),
+        'environment_steps': len(lessons),
         'updates': (args.rounds - _EXPERT_ROUNDS + 1) * _UPDATES,
         'minutes': round(minutes, 2),
         **what,

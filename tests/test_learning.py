@@ -220,6 +220,7 @@ def test_time_may_end_a_run_and_more_time_continues_it(tmp_path):
     options = _options(tmp_path)
     _, summary = _run(dataclasses.replace(options, minutes=1e-6))
     assert summary['environment_steps'] == 0
+    assert ' --minutes 1e-06 ' in summary['command']
     _, summary = _run(options)
     assert summary['environment_steps'] == _TINY['environment_steps']
 

@@ -54,6 +54,17 @@ class Transitions(NamedTuple):
     discount: np.ndarray
 
 
+def is_near_object(observations: np.ndarray) -> np.ndarray:
+    """Returns (...,) whether, in (..., size) observations, the gripper is next to an object.
+
+    Heights do not count. In a task without objects it always is: what is to be moved is itself.
+    """
+    achieved = networks.achieved_goal(observations)
+    objects = achieved.reshape(*observations.shape[:-1], -1, 3)
+    apart = objects[..., :2] - observations[..., np.newaxis, :2]
+    return (np.square(apart).sum(axis=-1) < _NEAR**2).any(axis=-1)
+
+
 class HindsightReplay:
     """The last episodes. A transition's goal is often one that its episode achieved later on.
 
@@ -101,9 +112,7 @@ class HindsightReplay:
         self._moved[rows] = has_moved(achieved)
         height = achieved[..., 2::3]
         self._lifted[rows] = (height - height[:, :1]).max(axis=(1, 2)) > _LIFTED
-        objects = achieved[:, :-1].reshape(len(achieved), self._steps, -1, 3)
-        apart = objects[..., :2] - observations[:, :-1, np.newaxis, :2]
-        self._near[rows] = (np.square(apart).sum(axis=-1) < _NEAR**2).any(axis=-1)
+        self._near[rows] = is_near_object(observations[:, :-1])
 
     def sample(
         self, generator: np.random.Generator, shape: tuple[int, ...], is_late: bool = False

@@ -73,6 +73,8 @@ class Options:
         words.append(f'--convention {self.convention} --seed {self.seed}')
         if self.device is not None:
             words.append(f'--device {self.device}')
+        if self.minutes is not None:
+            words.append(f'--minutes {self.minutes:g}')
         for name in settings_lib.names():
             value = getattr(self.settings, name)
             if value != getattr(usual, name):
@@ -280,6 +282,7 @@ class Run:
             'relay_steps': int(self._relay_counts[0]),
             'minutes': round(float(minutes), 2),
             'cpu_minutes': round(float(cpu_minutes), 2),
+            'minutes_limit': options.minutes,
             **options.decisive,
             'versions': {**provenance.versions(), 'jax': jax.__version__},
         }
