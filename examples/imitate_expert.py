@@ -28,7 +28,7 @@ parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--task', default='push', help='name of the task')
 parser.add_argument('--convention', default='documented')
 parser.add_argument('--rounds', type=int, default=60, help='of one episode in each environment')
-parser.add_argument('--hidden', type=int, nargs='+', default=[128, 128], help='units')
+parser.add_argument('--hidden', type=int, nargs='+', default=[128, 128], help='units of each layer')
 parser.add_argument('--seed', type=int, default=0)
 parser.add_argument('--output_dir', type=pathlib.Path, default='output/imitate_expert')
 
@@ -45,20 +45,21 @@ class Lessons:
 
     def add(self, observations: np.ndarray, goals: np.ndarray, labels: np.ndarray) -> None:
         """Adds (n, size) observations, (n, goal_size) goals and (n, 4) labels."""
-        self._parts.append((observations, goals, labels))
+        is_near = replay.is_near_object(observations)
+        self._parts.append((observations, goals, labels, is_near))
 
     def __len__(self) -> int:
-        return sum(len(labels) for _, _, labels in self._parts)
+        return sum(len(observations) for observations, *_ in self._parts)
 
     def sample(self, draw: np.random.Generator) -> tuple[np.ndarray, ...]:
-        """Returns the same three, with the dimensions (updates, batch size) before the last.
+        """Returns what was added, with the dimensions (updates, batch size) before the last.
 
         Half are of moments next to an object. Few moments are, and what comes of an episode is
         decided there.
         """
-        observations, goals, labels = map(np.concatenate, zip(*self._parts, strict=True))
+        observations, goals, labels, is_near = map(np.concatenate, zip(*self._parts, strict=True))
         rows = draw.integers(len(labels), size=(_UPDATES, _BATCH_SIZE))
-        near = np.flatnonzero(replay.is_near_object(observations))
+        near = np.flatnonzero(is_near)
         if len(near):
             rows[:, ::2] = draw.choice(near, size=rows[:, ::2].shape)
         return observations[rows], goals[rows], labels[rows]
