@@ -70,7 +70,7 @@ docs: $(VENV)/.docs gl  ## Build the site of the documents in build/site, with a
 gallery: $(VENV)/.explore gl  ## Make the animations of the experts in docs; a minute.
 	$(BIN)/python docs/make_gallery.py
 
-learn: $(VENV)/.learn  ## Learn Push from nothing; about five minutes.
+learn: $(VENV)/.learn  ## Learn Push from nothing; some minutes.
 	$(BIN)/python -m fetch_composer.learning --task push --output_dir output/learn_push
 
 curves: $(VENV)/.learn  ## Learn every task with three seeds, for docs/learning.md; most of a day.
