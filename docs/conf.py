@@ -30,7 +30,7 @@ nb_execution_timeout = 300  # s for a cell
 nb_merge_streams = True
 
 default_role = 'code'  # Names in docstrings are in single backticks.
-autodoc_mock_imports = ['stable_baselines3']  # With torch it takes gigabytes.
+autodoc_mock_imports = ['stable_baselines3', 'torch']  # They take gigabytes.
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'description'
 autodoc_typehints_description_target = 'documented'

@@ -3,6 +3,8 @@
 import fnmatch
 import pathlib
 import re
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
@@ -12,7 +14,7 @@ import fetch_composer
 from docs.site import linked_files, task_pages
 from fetch_composer import tasks
 from fetch_composer.tasks import layout
-from tests import episodes
+from tests import api_pages, episodes
 
 _DOCS = pathlib.Path(task_pages.__file__).parents[1]
 
@@ -129,3 +131,11 @@ def test_what_is_linked_to_in_turn_has_a_page_as_well():
     assert {'docs/curves', 'docs/curves/tried', 'CHANGELOG.md', 'examples/planning.py'} <= names
     assert any(name.startswith('docs/curves/tried/') for name in names)
     assert not any(name.endswith(('.png', 'tasks.md')) for name in names)
+
+
+def test_what_the_pages_of_the_api_name_is_there():
+    assert len(api_pages.names()) > 40
+    # In a process of its own, since stand-ins for packages stay.
+    command = [sys.executable, '-m', api_pages.__name__]
+    result = subprocess.run(command, cwd=_DOCS.parent, capture_output=True, text=True, check=True)
+    assert result.stdout == ''

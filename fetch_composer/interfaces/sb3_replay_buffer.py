@@ -3,6 +3,8 @@
 TD3('MultiInputPolicy', env, replay_buffer_class=MovedHerReplayBuffer, ...)
 """
 
+from __future__ import annotations  # The site is made without Stable-Baselines3.
+
 import numpy as np
 
 from fetch_composer.tasks.movement import has_moved
