@@ -6,7 +6,9 @@ BIN := $(VENV)/bin
 PYTHON312 ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.12.*/bin/python3.12) python3.12)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # uv fetches packages side by side. pip, which follows a configuration of its own, is for where uv is not to be had, or
-# fails. Python compiles a module when it is first imported; most of those that are installed never are.
+# fails. Python compiles a module when it is first imported; most of those that are installed never are. It has to keep
+# what it compiled, which images of containers often forbid, or each process compiles for more than a second.
+unexport PYTHONDONTWRITEBYTECODE
 PIP_INSTALL := PYTHONWARNINGS=ignore $(BIN)/pip install -q --no-compile
 install = $(BIN)/uv pip install -q --python $(BIN)/python $(1) 2>/dev/null || $(PIP_INSTALL) $(1)
 
@@ -46,7 +48,7 @@ test-clients: $(patsubst %,.venv-clients-%/.installed,acme acme-wrappers torch r
 	.venv-clients-minari/bin/python -m pytest tests/test_optional_packages.py
 	.venv-clients-lerobot/bin/python $(CLIENT_TEST)/test_lerobot.py
 
-test-warp: .venv-clients-warp/.installed  ## Test the batch on a device, here the processor; some twenty minutes.
+test-warp: .venv-clients-warp/.installed  ## Test the batch on a device, here the processor; half an hour the first time.
 	MUJOCO_GL=disabled .venv-clients-warp/bin/python -m pytest -m warp tests/accelerator
 
 check: lint types  ## Lint and type-check; edits nothing.
