@@ -1,7 +1,6 @@
 """Joins the tasks to libraries that may be imported later, or never, without importing them."""
 
 import importlib.abc
-import importlib.util
 import sys
 from collections.abc import Callable
 
@@ -27,17 +26,19 @@ class _Finder(importlib.abc.MetaPathFinder):
         self._join = join
 
     def find_spec(self, fullname, path=None, target=None):
-        del path, target  # Unused.
         if fullname != self._name:
             return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(fullname)
+        others = [each for each in sys.meta_path if each is not self]
+        spec = next(filter(None, (each.find_spec(fullname, path, target) for each in others)), None)
         if spec is not None and spec.loader is not None:
             run = spec.loader.exec_module
 
             def run_and_join(module) -> None:
                 run(module)
-                self._join()
+                # Not before: who looks for a module may not import it, or fail to.
+                if self in sys.meta_path:
+                    sys.meta_path.remove(self)
+                    self._join()
 
             spec.loader.exec_module = run_and_join  # type: ignore[method-assign]
         return spec

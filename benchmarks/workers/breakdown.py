@@ -99,6 +99,7 @@ def build(convention: str, num_envs: int | None = None, num_threads: int = 1):
     def start_episode(episode: int):
         env.seed(episode * (num_envs or 1))
         env.reset()
+        stopwatch.seconds.clear()  # Of the reset, which the whole does not include.
         return inputs
 
     episode_steps = rounds.Stepping(start_episode, env.step, len(inputs), num_envs or 1)

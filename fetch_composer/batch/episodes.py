@@ -9,7 +9,7 @@ import numpy as np
 
 from fetch_composer import tasks
 from fetch_composer.tasks import rewards, seeding, starts
-from fetch_composer.tasks.state import State
+from fetch_composer.tasks.state import State, copied
 
 
 class BatchEpisodes:
@@ -116,7 +116,7 @@ class BatchEpisodes:
             prop_position=self._prop_position[i].copy(),
             steps_taken=int(self.steps_taken[i]),
             is_over=bool(self.is_over[i]),
-            variations=self._drawn[i],
+            variations=copied(self._drawn[i]),
             given=self._given[i].given(),
             generator=self._random_states[i].get_state(),
         )
@@ -130,7 +130,7 @@ class BatchEpisodes:
     def set(self, i: int, state: State) -> None:
         """Restores the state of an environment, all but the physics."""
         self.goals[i] = state.goal
-        self._drawn[i], self._given[i] = state.variations, starts.Start.of(state.given)
+        self._drawn[i], self._given[i] = copied(state.variations), starts.Start.of(state.given)
         self._prop_position[i] = state.prop_position.copy()
         self.steps_taken[i] = state.steps_taken
         self.is_over[i] = state.is_over

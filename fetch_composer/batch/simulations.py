@@ -71,7 +71,7 @@ class ManySimulations:
             threads: How many threads share them.
         """
         self._process = os.getpid()
-        model = physics.model.ptr
+        self._model = model = physics.model.ptr
         self._sims = sims = mujoco.batch.Batch(model, count, nthread=threads)
         self._starts, self._variations = task.starts, task.variations
         self._varied = self._variations.fields(sims.expand, physical_only=True)
@@ -124,8 +124,26 @@ class ManySimulations:
         for i, state in zip(ids, states, strict=True):
             self._sims.state[i] = state.physics
         self._sims.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS)
-        for i, state in zip(ids, states, strict=True):
-            self._drive.set_gripper_pose(state.gripper_pose, i)
+        self._fall_behind(
+            [
+                i
+                for i, state in zip(ids, states, strict=True)
+                if self._drive.set_gripper_pose(state.gripper_pose, i)
+            ]
+        )
+
+    def _fall_behind(self, ids: Sequence[int]) -> None:
+        """Does for some what `drive.fall_behind` does for one."""
+        if not ids:
+            return
+        qpos, qvel = self._sims.bind('qpos'), self._sims.bind('qvel')
+        current = qpos[ids]
+        for i in ids:
+            behind = qpos[i].copy()
+            mujoco.mj_integratePos(self._model, behind, qvel[i].copy(), -self._model.opt.timestep)
+            qpos[i] = behind
+        self._sims.forward(np.array(ids), stage=mujoco.mjtStage.mjSTAGE_POS)
+        qpos[ids] = current
 
     def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
         """Advances some by a control step; returns the ids of those that have diverged."""
@@ -213,7 +231,8 @@ class OneSimulation:
             self._vary(state.variations)
             self._physics.reset()
             set_physics(self._model, self._data, state.physics)
-            self._drive.set_gripper_pose(state.gripper_pose)
+            if self._drive.set_gripper_pose(state.gripper_pose):
+                drive.fall_behind(self._model, self._data)
 
     def advance(self, actions: np.ndarray, ids: np.ndarray | None) -> np.ndarray:
         """Advances by a control step; returns [0] if it has diverged."""

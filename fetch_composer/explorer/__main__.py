@@ -68,6 +68,9 @@ def _explore(arguments: Sequence[str], gl_backend: str | None) -> int:
     try:
         user_modules.load_all(parser['import'].value or ())  # They may bring the task.
         options = flags.make_options(flags.option_values(parser))
+    except (ImportError, ValueError, RuntimeError, OSError) as error:
+        return _fail(str(error))
+    try:
         run = run_lib.Run(options, gl_backend, fresh=bool(parser['fresh'].value))
     except (ImportError, ValueError, RuntimeError) as error:
         return _fail(str(error))

@@ -65,6 +65,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         )
         self.render_mode = render_mode
         camera.check_name(self._env.physics, camera_name)
+        self._share_generator()
         self._picture: dict[str, Any] = {
             'name': camera_name,
             **gymnasium_common.picture_options(width, height, supersampling),
@@ -133,8 +134,7 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         seed = seeding.check_seed(seed)
         self._env.task.set_next_episode(**gymnasium_common.check_options(options))
         super().reset(seed=seed)
-        # One generator serves both faces, so that the task draws from `self.np_random`.
-        self._env.seed(np.random.RandomState(self.np_random.bit_generator))
+        self._share_generator()
         time_step = self._env.reset()
         if self.render_mode == 'human':
             self.render()
@@ -158,6 +158,10 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         truncated = time_step.last() and (not terminated or self._env.task.is_truncated())
         observation, info = dict(time_step.observation), self._info()
         return observation, time_step.reward, terminated, truncated, info
+
+    def _share_generator(self) -> None:
+        """Lets the task draw from `self.np_random`: one generator serves both faces."""
+        self._env.seed(np.random.RandomState(self.np_random.bit_generator))
 
     def _info(self) -> dict[str, Any]:
         return {'is_success': np.float32(self._env.task.is_success())}

@@ -198,13 +198,21 @@ class Run:
     def _relay(self, state: Mapping[str, np.ndarray] | None) -> Relay:
         """Returns the policy of Reach: from the checkpoint, or learned now."""
         options, own = self._options, self._options.settings
+        reach = settings_lib.for_task(_RELAY_TASK)
+        # Episodes of many environments, or long ones, would be over before anything is learned.
         settings = dataclasses.replace(
-            settings_lib.for_task(_RELAY_TASK),
+            reach,
             environment_steps=own.relay_steps,
-            episode_steps=own.episode_steps,
-            num_envs=own.num_envs,
-            updates_per_step=own.updates_per_step / 2,  # It is learned with half as many.
+            num_envs=min(own.num_envs, reach.num_envs),
+            # It is learned with half as many as the task, but not with next to none.
+            updates_per_step=max(own.updates_per_step / 2, reach.updates_per_step),
         )
+        at_random = settings.random_iterations * settings.num_envs * settings.episode_steps
+        if own.relay_steps <= at_random:
+            raise ValueError(
+                f'relay_steps must be more than {at_random}, in which Reach is explored at random, '
+                f'got {own.relay_steps}; relay_share=0 does without a relay.'
+            )
         trainer = Trainer(
             _RELAY_TASK, options.convention, options.seed, settings, None, options.make_batch
         )

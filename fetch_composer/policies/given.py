@@ -52,7 +52,7 @@ def factory(
     """
     if vectorized:
         return _always(VectorizedPolicy(policy))
-    if hasattr(policy, 'act_on_batch'):
+    if hasattr(policy, 'act_on_batch') and not isinstance(policy, type):
         return _always(VectorizedPolicy(policy.act_on_batch, getattr(policy, 'reset', None)))
     if sb3_policy.is_model(policy):
         return _always(sb3_policy.of_model(policy, name(policy), context))

@@ -74,8 +74,9 @@ class Camera:
             return pixels.copy()
         height, width = self._size
         blocks = pixels.reshape(height, factor, width * factor, _RGB)
-        total = blocks.sum(axis=1, dtype=np.uint16).reshape(height, width, factor, _RGB)
-        return (total.sum(axis=2, dtype=np.uint16) // factor**2).astype(np.uint8)
+        holds_sum = np.min_scalar_type(255 * factor**2)
+        total = blocks.sum(axis=1, dtype=holds_sum).reshape(height, width, factor, _RGB)
+        return (total.sum(axis=2, dtype=holds_sum) // factor**2).astype(np.uint8)
 
     def depth(self) -> np.ndarray:
         """Returns (height, width) float32 distances in m, a new array."""

@@ -32,14 +32,16 @@ class Clearance:
         self._variations = variations
 
     def in_the_way(
-        self, object_position: np.ndarray, values: Mapping[str, np.ndarray] = _NOTHING
+        self, object_position: np.ndarray | None, values: Mapping[str, np.ndarray] = _NOTHING
     ) -> str | None:
         """Returns what keeps objects from starting there, as a message; None if nothing does.
 
         Args:
-            object_position: (2 n,) x and y in m of each object.
+            object_position: (2 n,) x and y in m of each object; None without one.
             values: What was drawn for the episode; nothing for the usual objects and start.
         """
+        if object_position is None:
+            return None
         solids = self._variations.solids(values)
         places = object_position.reshape(-1, 2)
         at = f'object_position {object_position.tolist()} is where'

@@ -28,6 +28,8 @@ FIXED_ROTATION = np.array(conventions.POINTING_DOWN)
 _FURTHEST_ROTATION = 0.3  # rad
 _FURTHEST_TARGET = 0.25  # rad
 
+_SAME_POSE = 1e-9  # m
+
 
 def refresh(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Brings positions and velocities, which `mj_step` leaves one substep behind, up to date."""
@@ -110,13 +112,21 @@ class Drive:
         restored = self._restored[rows]
         return np.where(np.isnan(restored), pose, restored)
 
-    def set_gripper_pose(self, pose: np.ndarray, rows: Any = ...) -> None:
-        """Sets what `gripper_pose` returns, until the physics advances."""
+    def set_gripper_pose(self, pose: np.ndarray, row: Any = ...) -> bool:
+        """Sets what `gripper_pose` returns for one simulation, until its physics advances.
+
+        Returns:
+            Whether it is another than that of the physics: then positions were observed one substep
+            behind.
+        """
         if self.observes_current_state:
-            return  # It follows from the state, to the bit.
+            return False  # It follows from the state, to the bit.
+        self._forget_restored(row)
+        is_other = np.abs(self.gripper_pose(row) - pose).max() > _SAME_POSE
         if self._restored is None:
             self._restored = np.full((*self._gripper_position.shape[:-1], 7), np.nan)
-        self._restored[rows] = pose
+        self._restored[row] = pose
+        return bool(is_other)
 
     def _forget_restored(self, rows: Any) -> None:
         if self._restored is not None:

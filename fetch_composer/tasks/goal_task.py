@@ -32,8 +32,6 @@ from fetch_composer.tasks.variations import Variations
 CONTROL_TIMESTEP = 0.04  # s, 25 Hz.
 PHYSICS_TIMESTEP = 0.002  # s
 
-_SAME_POSE = 1e-9  # m
-
 
 class GoalTask(GoalConditionedTask):
     """Move the gripper by small displacements so that a goal is achieved, and keep it so.
@@ -281,7 +279,7 @@ class GoalTask(GoalConditionedTask):
             prop_position=self._start.prop_position.copy(),
             steps_taken=self._steps_taken,
             is_over=is_over,
-            variations=self._start.variations,
+            variations=state_lib.copied(self._start.variations),
             given=self._next_episode.given(),
             generator=random_state.get_state(legacy=False),
         )
@@ -297,25 +295,21 @@ class GoalTask(GoalConditionedTask):
     ) -> None:
         """Restores a state; see `Environment.set_state`."""
         self.check_state(state, random_state)
-        random_state.set_state(dict(state.generator))
         if state.variations:
             self._vary(physics, state.variations)
         self._goal.set(state.goal)  # Before the physics, which puts the target there.
         state_lib.set_physics(self._model, self._data, state.physics)
-        self._drive.set_gripper_pose(state.gripper_pose)
-        link = self.addresses.gripper_link
-        pose = np.concatenate((self._data.xpos[link], self._data.xquat[link]))
-        if np.abs(pose - state.gripper_pose).max() > _SAME_POSE:
-            # Positions were those of one substep earlier, and pictures show them.
+        if self._drive.set_gripper_pose(state.gripper_pose):
             drive.fall_behind(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
         self._start = starts.Start(
             goal=self._goal.position,
-            variations=state.variations,
+            variations=state_lib.copied(state.variations),
             prop_position=state.prop_position.copy(),
         )
         self._next_episode = starts.Start.of(state.given)
         self._steps_taken = state.steps_taken
+        random_state.set_state(dict(state.generator))
 
     def before_step(self, physics, action, random_state) -> None:
         del physics, random_state  # Unused.

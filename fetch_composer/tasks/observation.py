@@ -28,10 +28,12 @@ def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
     """
     m00, m01, m02, m10, m11, m12, _, _, m22 = xmat
     cosine = math.sqrt(m12 * m12 + m22 * m22)
-    middle = math.atan2(m02, cosine)
     if cosine > _SINGULAR_COSINE:
-        return math.atan2(-m12, m22), middle, math.atan2(-m01, m00)
-    return 0.0, middle, math.atan2(m10, m11)
+        sines, cosines = (-m12, m02, -m01), (m22, cosine, m00)
+    else:
+        sines, cosines = (0.0, m02, m10), (1.0, cosine, m11)
+    # Other than NumPy's rounds otherwise than the batch does, and Gymnasium-Robotics.
+    return tuple(np.arctan2(sines, cosines).tolist())
 
 
 def euler_xyz_batch(xmat: np.ndarray) -> np.ndarray:

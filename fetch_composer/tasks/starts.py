@@ -48,9 +48,9 @@ class Start:
         return cls(places.get('object_position'), places.get('goal'))
 
     def given(self) -> dict[str, np.ndarray]:
-        """Returns the places that are not None, by name."""
+        """Returns copies of the places that are not None, by name."""
         places = {'object_position': self.object_position, 'goal': self.goal}
-        return {name: place for name, place in places.items() if place is not None}
+        return {name: place.copy() for name, place in places.items() if place is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,21 +159,39 @@ class EpisodeStarts:
         Raises:
             ValueError: if a variation draws what cannot be, or no place is left for the object.
         """
+        drawn = self._draw_places(random_state)
+        variations = self._variations.draw(random_state)
+        self._check_above_table(variations)
+        for _ in range(_MAX_REJECTIONS):
+            start = self._chosen(given, drawn, variations)
+            obstacle = self._clearance.in_the_way(start.object_position, variations)
+            if obstacle is None:
+                return self._with_props(start, random_state)
+            if start.object_position is not drawn.object_position:
+                raise ValueError(obstacle)
+            drawn = self._draw_places(random_state)
+        raise ValueError(
+            f'No place for objects of this object_size was found in {_MAX_REJECTIONS} draws, '
+            f'wherever gripper_offset starts the gripper: {obstacle}'
+        )
+
+    def _draw_places(self, random_state: np.random.RandomState) -> Start:
         sampler = self._object_sampler
         places = None if sampler is None else sampler(random_state=random_state)
-        drawn = Start(places, self._goal_sampler(initial_value=places, random_state=random_state))
+        return Start(places, self._goal_sampler(initial_value=places, random_state=random_state))
+
+    def _chosen(self, given: Start, drawn: Start, variations: Mapping[str, np.ndarray]) -> Start:
+        """Returns the places that are given, or else the task's own, or else drawn."""
         sources = (given, self._every_episode, drawn)
         start = Start(
             next((s.object_position for s in sources if s.object_position is not None), None),
             next(s.goal for s in sources if s.goal is not None),
-            self._variations.draw(random_state),
+            variations,
         )
-        if 'object_shape' in start.variations and start.goal is drawn.goal is not None:
-            raised = np.array(self._variations.raised_by_shape(start.variations))
-            start = dataclasses.replace(start, goal=self._raised_goal(drawn.goal, raised))
-        self._check_above_table(start.variations)
-        was_drawn = start.object_position is drawn.object_position
-        return self._with_props(self._cleared(start, was_drawn, random_state), random_state)
+        if 'object_shape' in variations and start.goal is drawn.goal is not None:
+            raised = np.array(self._variations.raised_by_shape(variations))
+            return dataclasses.replace(start, goal=self._raised_goal(drawn.goal, raised))
+        return start
 
     def _check_above_table(self, values: Mapping[str, np.ndarray]) -> None:
         offset = values.get('gripper_offset')
@@ -186,23 +204,6 @@ class EpisodeStarts:
                 f"'gripper_offset' drew {offset.tolist()}, which starts the fingers in the table: "
                 f'its z must be at least {lowest:.4f} m.'
             )
-
-    def _cleared(self, start: Start, was_drawn: bool, random_state) -> Start:
-        """Returns a start whose objects are in no one's way, drawing their places again if not."""
-        place = start.object_position
-        if place is None:
-            return start
-        for _ in range(_MAX_REJECTIONS):
-            obstacle = self._clearance.in_the_way(place, start.variations)
-            if obstacle is None:
-                return dataclasses.replace(start, object_position=place)
-            if not was_drawn or self._object_sampler is None:
-                raise ValueError(obstacle)
-            place = self._object_sampler(random_state=random_state)
-        raise ValueError(
-            f'No place for objects of this object_size was found in {_MAX_REJECTIONS} draws, '
-            f'wherever gripper_offset starts the gripper: {obstacle}'
-        )
 
     def _with_props(self, start: Start, random_state) -> Start:
         """Returns a start with places for the props, clear of all else that stands on the table."""

@@ -185,6 +185,11 @@ def identity(
     )
 
 
+def copied(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Returns copies of arrays, by name: a state and an environment share none."""
+    return {name: array.copy() for name, array in arrays.items()}
+
+
 def get_physics(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """Returns MuJoCo's integration state, a new array."""
     physics = np.empty(mujoco.mj_stateSize(model, PHYSICS))

@@ -159,6 +159,7 @@ class Variations:
             shape = _checked(name, value).shape
             if not isinstance(value, np.ndarray) or value.shape != shape:
                 raise ValueError(f'{name!r} of the state must be an array of shape {shape}.')
+        self.solids(values)  # Which refuses sizes that do not fit the shape.
 
     def draw(self, random_state: np.random.RandomState) -> dict[str, np.ndarray]:
         """Returns {name: value} for one episode.

@@ -133,7 +133,8 @@ def final_distances(episodes: Sequence[Episode], highest_cm: float) -> str:
     width = _THRESHOLD_CM / 5
     while highest_cm / width > _MOST_BINS:
         width *= 2.5 if width == _THRESHOLD_CM / 5 else 2
-    edges = np.arange(0, max(highest_cm, 2 * _THRESHOLD_CM) + width, width)
+    last = max(highest_cm, 2 * _THRESHOLD_CM) + width
+    edges = np.r_[np.arange(0, _THRESHOLD_CM, width), np.arange(_THRESHOLD_CM, last, width)]
     with svg() as (canvas, result):
         axes = canvas.subplots()
         for chosen, colour in ((reached, style.SUCCESS), (~reached, style.FAILURE)):
