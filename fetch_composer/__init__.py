@@ -26,6 +26,8 @@ def load(task_name: str, seed=None, environment_kwargs=None, **task_kwargs) -> E
     Raises:
         ValueError: if a name or an option is not valid; the message lists those that are.
     """
+    if seed is not None and 'random' in task_kwargs:
+        raise ValueError('The seed is given twice: as seed and as random.')
     task_kwargs = {'random': seed, **task_kwargs}
     return suite.load(suite.DOMAIN, task_name, task_kwargs, environment_kwargs)
 

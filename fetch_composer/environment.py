@@ -12,7 +12,7 @@ from dm_control.rl import control
 from dm_env import specs
 
 from fetch_composer.entities.fingerprint import fingerprint
-from fetch_composer.tasks import seeding
+from fetch_composer.tasks import checks, seeding
 from fetch_composer.tasks.goal_task import GoalTask
 from fetch_composer.tasks.observables import FreshObservable
 from fetch_composer.tasks.state import State
@@ -57,7 +57,7 @@ class Environment(composer.Environment):
             ValueError: if the seed or the control timestep is not valid.
         """
         if control_timestep is not None:
-            task.control_timestep = control_timestep
+            task.control_timestep = checks.positive('control_timestep', control_timestep, 'seconds')
         self._flat_observation = flat_observation
         self._is_closed = False
         kwargs = {
@@ -77,6 +77,7 @@ class Environment(composer.Environment):
             seed: A non-negative integer, a `numpy.random.RandomState` to draw from, or None for
                 entropy.
         """
+        self._check_open()
         self._random_state = self._task.random = seeding.random_state(seed)
         self._fixed_random_state = self._random_state.get_state(legacy=False)
 
@@ -86,9 +87,17 @@ class Environment(composer.Environment):
         Raises:
             RuntimeError: if the environment is closed.
         """
+        self._check_open()
+        return super().reset()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the next step starts another episode."""
+        return self._reset_next_step
+
+    def _check_open(self) -> None:
         if self._is_closed:
             raise RuntimeError(_CLOSED)
-        return super().reset()
 
     def close(self) -> None:
         """Frees the simulation; closing twice does no harm."""
@@ -119,7 +128,10 @@ class Environment(composer.Environment):
         task = self._goal_task()
         if self._mjcf_never_compiled:
             task.check_state(state, self._random_state)
-            self.reset()
+            if self._changes_mjcf():
+                self.reset()
+            else:
+                self._take_compiled()
         task.set_state(self._physics_proxy, state, self._random_state)
         self._reset_next_step = state.is_over
         self._warnings[:] = 0
@@ -127,8 +139,7 @@ class Environment(composer.Environment):
             self._observation_updater.reset(self._physics_proxy, self._random_state)
 
     def _goal_task(self) -> GoalTask:
-        if self._is_closed:
-            raise RuntimeError(_CLOSED)
+        self._check_open()
         if not isinstance(self._task, GoalTask):
             raise RuntimeError('Only environments of a GoalTask have a state to take.')
         return self._task
@@ -157,18 +168,30 @@ class Environment(composer.Environment):
     def _reset_attempt(self) -> dm_env.TimeStep:
         self._reset_next_step = True  # Until the episode has started.
         if self._mjcf_never_compiled and not self._changes_mjcf():
-            # Composer compiles once more before the first episode. Observables may have been
-            # enabled since, but the model is what it was.
-            self._observation_updater = self._make_observation_updater()
-            self._observation_updater.reset(self._physics_proxy, self._random_state)
-            self._mjcf_never_compiled = False
-        time_step = super()._reset_attempt()
+            self._take_compiled()
+        try:
+            time_step = super()._reset_attempt()
+        finally:
+            if not self._mjcf_never_compiled:  # A start that is refused may be followed by a state.
+                self._look_at_model()
+        return self._flattened(time_step)
+
+    def _take_compiled(self) -> None:
+        """Does without the compilation that Composer repeats before the first episode.
+
+        Observables may have been enabled since, but the model is what it was.
+        """
+        self._observation_updater = self._make_observation_updater()
+        self._observation_updater.reset(self._physics_proxy, self._random_state)
+        self._mjcf_never_compiled = False
+        self._look_at_model()
+
+    def _look_at_model(self) -> None:
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._observers = self._plain_observers()
         self._warnings = self._data.warning.number  # Live, and zero after a reset.
         self._no_warnings = bytes(self._warnings.nbytes)
         self._look_for_hooks()
-        return self._flattened(time_step)
 
     def _changes_mjcf(self) -> bool:
         """Returns whether the MJCF has been changed, or a hook may do so before an episode."""

@@ -5,7 +5,8 @@ import pytest
 from dm_control import suite as dm_suite
 
 import fetch_composer
-from fetch_composer import suite, tasks
+from fetch_composer import entities, suite, tasks
+from fetch_composer.tasks import push_two
 from tests import episodes
 
 _BAD_ACTIONS = [
@@ -159,6 +160,7 @@ def test_a_variation_that_draws_no_number_is_named(value):
         ({'object_position': [[1.3, True]] * 2}, 'object_position must be numbers'),
         ({'ids': np.ma.array([0, 1], mask=[1, 0])}, 'ids has masked values'),
         ({'seed': np.ma.array([0, 1], mask=[1, 0])}, 'seed must be a non-negative integer'),
+        ({'seed': [0]}, '2 seeds are needed, got 1'),
     ],
 )
 def test_a_batch_refuses_what_would_be_taken_for_something_else(arguments, message):
@@ -186,3 +188,56 @@ def test_a_batch_refuses_what_would_be_taken_for_something_else(arguments, messa
 def test_a_reward_is_of_numbers_alone(goal, message):
     with pytest.raises(ValueError, match=message):
         tasks.compute_reward(goal, np.zeros((5, 3)))
+
+
+@pytest.mark.parametrize('states', [None, 3, 'ab', 'one'])
+def test_what_is_no_sequence_of_states_is_refused(states):
+    with fetch_composer.BatchEnvironment('push', 1, seed=0) as batch:
+        batch.reset()
+        (state,) = batch.get_states()
+        with pytest.raises(ValueError, match='states must be a sequence'):
+            batch.set_states(state if states == 'one' else states)
+        batch.set_states(each for each in [state])
+        assert batch.get_states() == [state]
+
+
+def test_a_batch_seeds_nothing_if_a_start_is_refused():
+    variations = {'gripper_offset': (0, 0, -0.1)}
+    batch, reference = (
+        fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations) for _ in range(2)
+    )
+    with pytest.raises(ValueError, match='is where the gripper starts'):
+        batch.reset(object_position=(1.3419, 0.7491), seed=9)
+    episodes.assert_same([batch.reset()], [reference.reset()])
+
+
+@pytest.mark.parametrize(
+    ('which', 'message'),
+    [
+        (0, r'sampler of places must draw 2 numbers for each of 2, shape \(4,\); it drew'),
+        (1, r'sampler of goals must draw 3 numbers for each of 2, shape \(6,\); it drew'),
+    ],
+)
+def test_a_sampler_that_draws_too_few_numbers_is_named(which, message, monkeypatch):
+    build = push_two.PushTwo._build_samplers
+
+    def with_one_of_two(task):
+        samplers = list(build(task))
+        samplers[which] = lambda **_: np.ones(2)
+        return samplers
+
+    monkeypatch.setattr(push_two.PushTwo, '_build_samplers', with_one_of_two)
+    with pytest.raises(ValueError, match=message):
+        fetch_composer.load('push_two', seed=0).reset()
+
+
+def test_a_prop_stands_at_three_numbers():
+    task = fetch_composer.load('push').task
+    for position in ((1.3, 0.7), (1.3, np.nan, 0.5), None):
+        with pytest.raises(ValueError, match='position of a prop must be finite numbers of shape'):
+            task.scene.add_prop(entities.Block(name='prop'), position)
+
+
+def test_pictures_are_of_at_least_one_camera():
+    with pytest.raises(ValueError, match='must name at least one camera'):
+        fetch_composer.load('push', observation_mode='pixels', pixels={'cameras': ()})

@@ -12,7 +12,7 @@ from dm_control.rl import control
 from dm_control.suite.wrappers import action_noise
 
 import fetch_composer
-from fetch_composer import suite, tasks
+from fetch_composer import policies, suite, tasks
 from tests import episodes
 
 
@@ -200,6 +200,9 @@ def test_a_control_timestep_changes_how_long_a_step_is():
     assert after[20] == pytest.approx(after[0] - before[0], rel=0.3)
     with pytest.raises(ValueError, match='0.0015'):
         suite.load('fetch', 'push', environment_kwargs={'control_timestep': 0.0015})
+    for value in (0, -0.04, True, np.nan, np.inf, 'slow', [0.04]):
+        with pytest.raises(ValueError, match='control_timestep must be a positive number'):
+            suite.load('fetch', 'push', environment_kwargs={'control_timestep': value})
 
 
 def test_a_seed_among_the_environments_options_is_taken_and_two_are_refused():
@@ -207,6 +210,8 @@ def test_a_seed_among_the_environments_options_is_taken_and_two_are_refused():
     episodes.assert_same([one.reset()], [fetch_composer.load('push', seed=3).reset()])
     with pytest.raises(ValueError, match='seed is given twice'):
         fetch_composer.load('push', seed=3, environment_kwargs={'random_state': 3})
+    with pytest.raises(ValueError, match='seed is given twice'):
+        fetch_composer.load('push', seed=3, random=3)
 
 
 def test_a_seed_is_kept_where_every_episode_starts_alike():
@@ -241,7 +246,7 @@ def test_after_close_every_call_says_that_it_is_closed():
     env.reset()
     env.close()
     env.close()
-    for call in env.reset, lambda: env.step(np.zeros(4, np.float32)):
+    for call in env.reset, lambda: env.step(np.zeros(4, np.float32)), lambda: env.seed(0):
         with pytest.raises(RuntimeError, match='closed'):
             call()
 
@@ -292,3 +297,27 @@ def test_a_hook_may_change_the_model_before_the_first_episode():
     env.add_extra_hook('initialize_episode_mjcf', widen)
     env.reset()
     np.testing.assert_array_equal(env.physics.named.model.geom_size['table/table'], (0.3, 0.4, 0.2))
+
+
+def test_a_place_that_a_variation_is_in_the_way_of_is_for_one_episode_alone():
+    env = fetch_composer.load('push', seed=0, variations={'gripper_offset': (0, 0, -0.1)})
+    env.task.set_next_episode(object_position=(1.3419, 0.7491))
+    with pytest.raises(ValueError, match='is where the gripper starts'):
+        env.reset()
+    assert env.reset().first()
+
+
+def test_a_restored_target_has_the_colour_of_what_it_is():
+    env = fetch_composer.load('reach', seed=0)
+    env.task.visualize_reward = True
+    expert = policies.load('expert', env)
+    time_step = env.reset()
+    states, colours = [], []
+    while not time_step.last():
+        states.append(env.get_state())
+        colours.append(env.physics.bind(env.task.scene.targets[0].site).rgba.copy())
+        time_step = env.step(expert(time_step.observation))
+    assert not np.array_equal(colours[0], colours[-1])
+    for state, colour in zip(reversed(states), reversed(colours), strict=True):
+        env.set_state(state)
+        np.testing.assert_array_equal(env.physics.bind(env.task.scene.targets[0].site).rgba, colour)

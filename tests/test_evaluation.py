@@ -31,6 +31,13 @@ class _OnBatch:
         return _towards(observations)
 
 
+class _Either(_OnBatch):
+    """As a class it is made for each episode, and so acts in one."""
+
+    def __call__(self, observation):
+        return _towards(observation)
+
+
 class _Model:
     """Acts as a model of Stable-Baselines3 does."""
 
@@ -86,11 +93,13 @@ def test_a_policy_may_be_given_in_any_form():
         model = _Model(env)
     expected = _evaluate(_towards)
     assert expected.success_rate.value == 1
-    results = [_evaluate(_OnBatch()), _evaluate(model), _evaluate(_Counter)]
+    results = [_evaluate(_OnBatch()), _evaluate(model), _evaluate(_Counter), _evaluate(_Either)]
     results.append(_evaluate(_towards, vectorized=True))
     for result in results:
         assert result.final_distance.value == pytest.approx(expected.final_distance.value, abs=1e-6)
-    assert [each.policy for each in results] == ['_OnBatch', '_Model', '_Counter', '_towards']
+    assert [each.policy for each in results] == [
+        '_OnBatch', '_Model', '_Counter', '_Either', '_towards',
+    ]  # fmt: skip
 
 
 def test_one_that_may_remember_its_episode_plays_one_after_the_other():

@@ -1,5 +1,6 @@
 """What the explorer says: without OpenGL, to mistakes, and when it is asked for help."""
 
+import os
 import subprocess
 import sys
 
@@ -144,6 +145,16 @@ def test_a_mistake_is_one_line_without_a_traceback(tmp_path, capsys, flag, messa
     assert message.format(file=file) in line
     assert runs.names(tmp_path) == {'file'}
     assert file.read_text() == 'earlier'
+
+
+def test_a_module_that_opens_a_missing_file_is_answered_with_its_name(tmp_path):
+    (tmp_path / 'opens.py').write_text("open('weights.bin')")
+    arguments = ['--import=opens', f'--output_dir={tmp_path / "out"}']
+    path = os.pathsep.join((str(runs.ROOT), str(tmp_path)))
+    result = runs.explore(*arguments, PYTHONPATH=path)
+    assert result.returncode == 1
+    assert 'weights.bin' in result.stderr and 'Traceback' not in result.stderr
+    assert 'output_dir' not in result.stderr
 
 
 def test_a_missing_extra_is_named_with_the_way_to_install_it(tmp_path):

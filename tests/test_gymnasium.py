@@ -237,3 +237,16 @@ def test_after_close_every_call_says_that_it_is_closed():
         for call in env.reset, lambda env=env, action=action: env.step(action):
             with pytest.raises(RuntimeError, match='closed'):
                 call()
+    for name in ('model', 'data', 'goal', 'dt'):
+        with pytest.raises(RuntimeError, match='closed'):
+            getattr(single, name)
+
+
+def test_what_has_ended_or_not_begun_is_not_stepped():
+    env = gymnasium_env.FetchEnv('push', max_episode_steps=2)
+    action = np.zeros(4, np.float32)
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match=r'call reset\(\) first'):
+            env.step(action)
+        env.reset(seed=0)
+        assert [env.step(action)[3] for _ in range(2)] == [False, True]

@@ -50,3 +50,19 @@ def test_an_id_with_its_module_needs_no_import():
     command = [sys.executable, '-c', _MAKE_WITHOUT_IMPORT]
     result = subprocess.run(command, capture_output=True, text=True)
     assert result.stdout == '(25,)\n', result.stderr
+
+
+_LOOK_FIRST = """
+import importlib.util
+import fetch_composer
+assert importlib.util.find_spec('gymnasium') and importlib.util.find_spec('dm_control.suite')
+import gymnasium
+print(gymnasium.make('fetch_composer/FetchPush-v4').reset(seed=0)[0]['observation'].shape)
+from dm_control import suite
+print(suite.load('fetch', 'push').reset().observation['observation'].shape)
+"""
+
+
+def test_who_looks_whether_a_library_is_there_loses_no_task():
+    result = subprocess.run([sys.executable, '-c', _LOOK_FIRST], capture_output=True, text=True)
+    assert result.stdout == '(25,)\n(25,)\n', result.stderr

@@ -92,6 +92,19 @@ def test_transitions_are_drawn_otherwise_in_the_second_half_of_a_run(tmp_path, m
     assert asked == [False, True]
 
 
+def test_the_policy_of_relays_has_learned_whatever_the_length_and_number_of_episodes(tmp_path):
+    long = {'num_envs': 96, 'episode_steps': 100, 'updates_per_step': 0.001, 'relay_steps': 9_600}
+    run = train.Run(_options(tmp_path, 'push_around', environment_steps=1, **long))
+    run.close()
+    steps, updates = run._relay_counts
+    assert steps == 9_600 and updates == 0.25 * 50 * 64
+
+
+def test_a_relay_too_short_to_learn_is_refused(tmp_path):
+    with pytest.raises(ValueError, match='relay_steps must be more than 800, in which'):
+        train.Run(_options(tmp_path, 'push', relay_steps=800))
+
+
 def test_reach_is_learned_within_a_few_thousand_steps(tmp_path):
     shorter = {
         'environment_steps': 9_600,

@@ -100,3 +100,16 @@ def test_pictures_may_be_as_large_as_one_asks():
 def test_options_that_make_no_sense_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         fetch_composer.load('push', **options)
+
+
+@pytest.mark.parametrize('supersampling', [2, 16, 17, 20])
+def test_a_pixel_is_the_mean_of_as_many_squared(supersampling):
+    size = {'height': 12, 'width': 16, 'shadows': False}
+    pictures = []
+    for factor in (1, supersampling):
+        pixels = {**size, 'supersampling': factor}
+        env = fetch_composer.load('push', seed=0, observation_mode='pixels', pixels=pixels)
+        pictures.append(env.reset().observation['corner_rgb'].astype(float))
+    # Edges differ, and no more.
+    assert abs(pictures[0].mean() - pictures[1].mean()) < 8
+    assert np.median(np.abs(pictures[0] - pictures[1])) < 8

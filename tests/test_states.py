@@ -73,9 +73,7 @@ def test_a_batch_goes_on_as_single_environments_and_they_as_it(task_name, option
         for row, (_, expected) in ((2, taken[0]), (0, taken[1])):
             assert time_step.step_type[row] == expected[i].step_type
             for name, value in expected[i].observation.items():
-                np.testing.assert_allclose(
-                    time_step.observation[name][row], value, rtol=0, atol=1e-15
-                )
+                np.testing.assert_array_equal(time_step.observation[name][row], value)
 
 
 @pytest.mark.parametrize('num_envs', [1, 4])
@@ -177,6 +175,7 @@ def test_a_state_made_by_hand_that_cannot_be_is_refused_and_nothing_changes():
         ({'is_over': 1}, 'is_over of the state must be True or False'),
         ({'variations': {'object_mass': np.array((1.0, 2.0))}}, "'object_mass' drew"),
         ({'variations': {'object_mass': 2.0}}, "'object_mass' of the state must be an array"),
+        ({'variations': {}}, 'The state varies nothing'),
         ({'given': {'position': (1, 2)}}, 'valid are object_position, goal'),
         ({'given': {'goal': (9, 9, 9)}}, 'off the table'),
         ({'generator': None}, 'generator of kind None'),
@@ -226,7 +225,87 @@ def test_through_gymnasium():
     np.testing.assert_array_equal(vector.get_states([1])[0].physics, state.physics)
     for action, value in zip(actions, expected, strict=True):
         observation = vector.step(np.tile(action, (2, 1)))[0]['observation']
-        np.testing.assert_allclose(observation, [value, value], rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(observation, [value, value])
+
+
+def test_gymnasium_draws_on_and_starts_where_it_was_to_even_before_its_first_reset():
+    source = fetch_composer.load('push', seed=3)
+    source.reset()
+    drawn = source.get_state()
+    source.task.set_next_episode(goal=(1.2, 0.7, 0.43))
+    given = source.get_state()
+    for state in (drawn, given):
+        source.set_state(state)
+        env = gym.make('fetch_composer/FetchPush-v2').unwrapped
+        env.set_state(state)
+        expected = source.reset().observation['desired_goal']
+        np.testing.assert_array_equal(env.reset()[0]['desired_goal'], expected)
+
+
+def test_a_state_shares_no_array_with_its_environment():
+    variations = {'friction': distributions.Uniform(0.3, 1.0)}
+    env = fetch_composer.load('push', seed=0, variations=variations)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
+    env.reset()
+    batch.reset()
+    env.task.set_next_episode(goal=(1.2, 0.7, 0.43))
+    expected = env.get_state()
+    batch.set_states([expected], [1])
+
+    def taken():
+        return [env.get_state(), *batch.get_states([1])]
+
+    for state in taken():
+        assert state == expected
+        env.set_state(state)
+        batch.set_states([state], [1])
+        state.variations['friction'][:] = 9
+        state.given['goal'][:] = 9
+        for array in (state.physics, state.gripper_pose, state.goal):
+            array[:] = 9
+        assert state != expected
+        assert taken() == [expected] * 2
+
+
+@pytest.mark.parametrize('num_envs', [1, 3])
+def test_a_row_that_is_restored_is_observed_as_it_was(task_name, convention, num_envs):
+    batch = fetch_composer.BatchEnvironment(task_name, num_envs, seed=0, convention=convention)
+    batch.reset()
+    for actions in episodes.uniform_actions(9, batch_shape=(num_envs,)):
+        expected = batch.step(actions).observation
+    states = batch.get_states()
+    batch.step(np.ones((num_envs, 4)))
+    batch.set_states(states)
+    for name, value in batch.reset([]).observation.items():
+        np.testing.assert_allclose(value, expected[name], rtol=0, atol=1e-15, err_msg=name)
+
+
+def test_an_environment_that_has_not_begun_has_a_state_too():
+    env = fetch_composer.load('push', seed=2, variations=_VARIATIONS)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=2, variations=_VARIATIONS)
+    expected = fetch_composer.load('push', seed=2, variations=_VARIATIONS).reset()
+    env.set_state(env.get_state())
+    batch.set_states(batch.get_states())
+    episodes.assert_same([env.reset()], [expected])
+    np.testing.assert_array_equal(
+        batch.reset().observation['observation'][0], expected.observation['observation']
+    )
+
+
+def test_a_state_is_restored_where_no_start_was_possible():
+    options = {
+        'object_position': (1.3419, 0.7491),
+        'variations': {'gripper_offset': distributions.Uniform((0, 0, -0.11), (0, 0, 0))},
+    }
+    source, env, fresh = (fetch_composer.load('push', seed=s, **options) for s in (0, 3, 3))
+    source.reset()
+    state = source.get_state()
+    expected = source.step(np.ones(4))
+    with pytest.raises(ValueError, match='is where the gripper starts'):
+        env.reset()
+    for each in (env, fresh):
+        each.set_state(state)
+        episodes.assert_same([each.step(np.ones(4))], [expected])
 
 
 def test_the_example_finds_a_plan_that_is_better_than_none():
@@ -244,3 +323,18 @@ def test_the_example_finds_a_plan_that_is_better_than_none():
         return sum(example['cost'](each.observation)[0] for each in taken)
 
     assert cost(plan) < 0.9 * cost(nothing)
+
+
+def test_a_state_whose_sizes_do_not_fit_the_shape_is_refused_and_nothing_changes():
+    variations = {'object_size': distributions.Uniform((0.02,) * 3, (0.03,) * 3)}
+    env = fetch_composer.load('push', seed=0, variations=variations)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
+    env.reset()
+    batch.reset()
+    kept, kept_rows = env.get_state(), batch.get_states()
+    bad = dataclasses.replace(kept, variations={'object_size': np.array((0.02, 0.03))})
+    with pytest.raises(ValueError, match='this object has 3 sizes'):
+        env.set_state(bad)
+    with pytest.raises(ValueError, match='this object has 3 sizes'):
+        batch.set_states([kept, bad])
+    assert env.get_state() == kept and batch.get_states() == kept_rows

@@ -202,3 +202,22 @@ def test_starts_that_cannot_be_are_refused(options, message):
     env = fetch_composer.load('push', seed=0, **options)
     with pytest.raises(ValueError, match=message):
         env.reset()
+
+
+def test_a_goal_belongs_to_the_place_that_is_drawn_in_the_end():
+    """Places that are in the way of large objects or of the gripper are drawn again."""
+    large = {'object_size': distributions.Uniform((0.05,) * 3, (0.055,) * 3)}
+    env = fetch_composer.load('push_around', seed=0, variations=large)
+    wall = env.task.scene.obstacles[0].position[1]
+    for _ in range(200):
+        observation = env.reset().observation
+        sides = [np.sign(observation[name][1] - wall) for name in ('achieved_goal', 'desired_goal')]
+        assert sides[0] == -sides[1]
+    low = {'gripper_offset': distributions.Uniform((0.05, 0.05, -0.1), (0.051, 0.051, -0.09))}
+    env = fetch_composer.load('push_two', seed=0, variations=low)
+    for _ in range(100):
+        observation = env.reset().observation
+        places, goals = (
+            observation[name].reshape(2, 3)[:, :2] for name in ('achieved_goal', 'desired_goal')
+        )
+        assert np.linalg.norm(places[0] - goals[1]) > 0.1 < np.linalg.norm(places[1] - goals[0])

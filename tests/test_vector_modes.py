@@ -26,7 +26,7 @@ def _pair(mode, num_envs=6, **options):
 
 
 def _assert_same(one, another):
-    """Asserts that nested dictionaries and tuples of arrays are equal, to within rounding."""
+    """Asserts that nested dictionaries and tuples of arrays are equal to the bit."""
     assert type(one) is type(another)
     if isinstance(one, dict):
         assert sorted(one) == sorted(another)
@@ -37,7 +37,7 @@ def _assert_same(one, another):
             _assert_same(mine, theirs)
     elif one is not None:
         assert one.dtype == another.dtype and one.shape == another.shape
-        np.testing.assert_allclose(one, another, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(one, another)
 
 
 @pytest.mark.parametrize('mode', list(AutoresetMode))
@@ -175,3 +175,26 @@ def _assert_alike(one, another):
         each.get('episode', {}).pop('t', None)
         each.get('episode', {}).pop('_t', None)
     _assert_same(info, other_info)
+
+
+def test_seeds_are_for_those_that_are_reset_and_none_goes_on():
+    native, other = _pair(AutoresetMode.NEXT_STEP, num_envs=3)
+    mask = np.array([True, False, True])
+    for seed in (100, [7, 8, 9], [7, None, None]):
+        for each in (native, other):
+            each.reset(seed=0)
+            each.step(np.zeros((3, 4), np.float32))
+        kept = {'options': {'reset_mask': mask}, 'seed': seed}
+        _assert_same(native.reset(**kept), other.reset(**kept))
+        _assert_same(native.reset(), other.reset())
+        _assert_same(native.reset(seed=seed), other.reset(seed=seed))
+
+
+@pytest.mark.parametrize('mask', [[1, 0], [0, 1], [True], np.ones(2), 'all'])
+def test_a_mask_of_what_to_reset_is_of_booleans(mask):
+    vector = gym.make_vec('fetch_composer/FetchPush-v2', num_envs=2)
+    vector.reset(seed=0)
+    vector.step(np.zeros((2, 4), np.float32))
+    with pytest.raises(ValueError, match='reset_mask must be 2 booleans'):
+        vector.reset(options={'reset_mask': mask})
+    assert vector.batch.steps_taken.tolist() == [1, 1]

@@ -86,11 +86,13 @@ class BatchEnvironment(BatchFace):
     @property
     def steps_taken(self) -> np.ndarray:
         """(num_envs,) control steps of each environment since its episode started; a copy."""
+        self._check_open()
         return self._episodes.steps_taken.copy()
 
     @property
     def is_over(self) -> np.ndarray:
         """(num_envs,) whether the next step starts another episode; a copy."""
+        self._check_open()
         return self._episodes.is_over.copy()
 
     def seed(self, seed) -> None:
@@ -104,6 +106,7 @@ class BatchEnvironment(BatchFace):
             ValueError: if a seed is not a non-negative integer or None, or if there is not one
                 for each environment; nothing has changed.
         """
+        self._check_open()
         self._episodes.seed(seeding.seeds_of_many(seed, self._num_envs))
 
     def reset(self, ids=None, object_position=None, goal=None, seed=None) -> dm_env.TimeStep:
@@ -114,14 +117,18 @@ class BatchEnvironment(BatchFace):
             object_position: (2,) x and y in m at which objects start, or (n, 2) for n ids; with
                 several objects, two numbers for each of them in the place of two.
             goal: (3,) desired goal in m, or (n, 3) for n ids; three numbers for each object.
-            seed: If given, what `seed` is called with first; it seeds every environment.
+            seed: If given, those that are reset are seeded first: with the seed of the first
+                environment, after which the others' count up, or with one for each environment,
+                where None in place of one goes on with its draws.
 
         Returns:
             A time step of all environments. Those that were not reset have the observation and
             the step type that they had, and reward 0.
 
         Raises:
-            ValueError: if an id, a place or a seed is not valid; nothing has changed.
+            ValueError: if an id, a place or a seed is not valid; nothing has changed. Or if
+                variations draw what cannot be, such as a gripper where an object was to start:
+                nothing has been drawn or seeded, and the next step starts these episodes.
         """
         self._check_open()
         ids = checks.ids(ids, self._num_envs)
@@ -137,14 +144,18 @@ class BatchEnvironment(BatchFace):
                     strict=True,
                 )
             ]
-        if seed is not None:
-            self.seed(seed)
+        seeds = seeding.seeds_of_many(seed, self._num_envs)
         order = np.argsort(ids)  # MuJoCo wants them sorted.
-        self._start_episodes(ids[order], given and [given[i] for i in order])
+        self._start_episodes(ids[order], given and [given[i] for i in order], seeds)
         return self._time_step(np.zeros(self._num_envs, dtype=bool))
 
-    def _start_episodes(self, ids: np.ndarray, given: Sequence[starts.Start] | None = None) -> None:
-        with self._episodes.starting(ids, given) as drawn:
+    def _start_episodes(
+        self,
+        ids: np.ndarray,
+        given: Sequence[starts.Start] | None = None,
+        seeds: Sequence[int | None] | None = None,
+    ) -> None:
+        with self._episodes.starting(ids, given, seeds) as drawn:
             self._simulations.start(ids, drawn)
         self._forget_pictures(ids, goals=True)
 
@@ -180,6 +191,7 @@ class BatchEnvironment(BatchFace):
         """
         self._check_open()
         ids = checks.ids(ids, self._num_envs)
+        states = checks.sequence('states', states)
         if len(states) != len(ids):
             raise ValueError(f'{len(ids)} states are needed, got {len(states)}.')
         for i, state in zip(ids, states, strict=True):

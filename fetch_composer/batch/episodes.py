@@ -44,23 +44,32 @@ class BatchEpisodes:
 
     def seed(self, seeds: Sequence[int | None]) -> None:
         """Seeds every environment anew; its current episode goes on."""
-        self._random_states = [seeding.SeededRandomState(each) for each in seeds]
+        self._random_states: list[Any] = [seeding.SeededRandomState(each) for each in seeds]
 
     @contextlib.contextmanager
     def starting(
-        self, ids: np.ndarray, given: Sequence[starts.Start] | None = None
+        self,
+        ids: np.ndarray,
+        given: Sequence[starts.Start] | None = None,
+        seeds: Sequence[int | None] | None = None,
     ) -> Iterator[list[starts.Start]]:
         """Gives what is drawn for new episodes, which have started once the context ends.
 
-        If an exception ends it, nothing has been drawn, and the next step starts them.
+        If an exception ends it, nothing has been drawn or seeded, and the next step starts them.
 
         Args:
             ids: Indices of the environments, in order.
             given: The places that are not to be drawn; None for what states have brought.
+            seeds: A seed for each environment of the batch; None where its draws go on.
         """
+        before = list(self._random_states)
         self.is_over[ids] = True
         given = [self._given[i] for i in ids] if given is None else given
         generators = [self._random_states[i].get_state() for i in ids] if self._may_fail else []
+        if seeds is not None:
+            for i in ids:
+                if seeds[i] is not None:
+                    self._random_states[i] = seeding.SeededRandomState(seeds[i])
         try:
             drawn = [
                 self._starts.draw(self._random_states[i], each)
@@ -68,6 +77,7 @@ class BatchEpisodes:
             ]
             yield drawn
         except BaseException:
+            self._random_states = before
             for i, generator in zip(ids, generators, strict=False):
                 self._random_states[i].set_state(generator)
             raise
@@ -124,7 +134,7 @@ class BatchEpisodes:
     def check(self, i: int, state: State) -> None:
         """Raises `ValueError`, which says what differs, if a state does not fit an environment."""
         self._identity.check(state)
-        self._starts.check_restored(state.variations, state.given)
+        self._starts.check_restored(state.variations, state.given, state.has_begun)
         seeding.check_generator(self._random_states[i], state.generator)
 
     def set(self, i: int, state: State) -> None:

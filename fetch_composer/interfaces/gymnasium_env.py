@@ -84,17 +84,17 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
     @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model."""
-        return self._env.physics.model.ptr
+        return self._open_env.physics.model.ptr
 
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's data."""
-        return self._env.physics.data.ptr
+        return self._open_env.physics.data.ptr
 
     @property
     def goal(self) -> np.ndarray:
         """(3,), or (3 n,) for n objects: desired goal of the present episode in m."""
-        return self._env.task.goal
+        return self._open_env.task.goal
 
     @property
     def distance_threshold(self) -> float:
@@ -109,9 +109,14 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
     @property
     def dt(self) -> float:
         """Seconds from one control step to the next."""
-        return self._env.control_timestep()
+        return self._open_env.control_timestep()
 
     # ----------------------------------------------------------------------------------------------
+
+    @property
+    def _open_env(self):
+        self._check_open()
+        return self._env
 
     def _check_open(self) -> None:
         if self._env is None:
@@ -132,7 +137,9 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
         """
         self._check_open()
         seed = seeding.check_seed(seed)
-        self._env.task.set_next_episode(**gymnasium_common.check_options(options))
+        options = gymnasium_common.check_options(options)
+        if options:  # Otherwise there may be what a state has brought.
+            self._env.task.set_next_episode(**options)
         super().reset(seed=seed)
         self._share_generator()
         time_step = self._env.reset()
@@ -149,8 +156,11 @@ class FetchEnv(gymnasium_common.GoalFunctions, gymnasium.Env, gymnasium.utils.Ez
 
         Raises:
             ValueError: if the action has another shape or is not finite; nothing has changed.
+            RuntimeError: if the episode has ended, or none has begun.
         """
         self._check_open()
+        if self._env.is_over:
+            raise RuntimeError('The episode has ended, or none has begun: call reset() first.')
         time_step = self._env.step(action)
         if self.render_mode == 'human':
             self.render()

@@ -95,7 +95,8 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         """Starts an episode in every environment.
 
         Args:
-            seed: If given, environment i is seeded with seed + i; or one seed for each.
+            seed: If given, environment i is seeded with seed + i; or one seed for each, or None
+                in place of one. Those that are not reset go on with their draws.
             options: `object_position`, (2,) or (n, 2) in m, and `goal`, (3,) or (n, 3) in m,
                 where they are not to be sampled; and `reset_mask`, (num_envs,) booleans: which
                 n of the environments to reset, where it is not all.
@@ -105,6 +106,8 @@ class FetchVectorEnv(gymnasium_common.GoalFunctions, gymnasium.vector.VectorEnv)
         """
         options = gymnasium_common.check_options(options, ('reset_mask',))
         mask = options.pop('reset_mask', None)
+        if mask is not None:
+            checks.mask('reset_mask', mask, self.num_envs)
         time_step = self._batch.reset(mask, seed=seed, **options)
         if seed is not None and np.ndim(seed) == 0:
             super().reset(seed=int(seed))

@@ -1,6 +1,7 @@
 """Values that are refused with a message that says what would be valid."""
 
 import contextlib
+import numbers
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -58,6 +59,17 @@ def integer(name: str, value: Any, least: int, otherwise: str = '') -> int:
         otherwise = f', or {otherwise}' if otherwise else ''
         raise ValueError(f'{name} must be a {kind} integer{otherwise}; got {shown(value)}.')
     return number
+
+
+def positive(name: str, value: Any, unit: str) -> float:
+    """Returns a positive finite number as a float.
+
+    Raises:
+        ValueError: if it is something else.
+    """
+    if isinstance(value, numbers.Real) and not _is_boolean(value) and 0 < float(value) < np.inf:
+        return float(value)
+    raise ValueError(f'{name} must be a positive number of {unit}, got {shown(value)}.')
 
 
 def array(name: str, value: Any, booleans: bool = False) -> np.ndarray:
@@ -187,6 +199,13 @@ def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | N
             f'{name} must be numbers of shape ({size},) or ({count}, {size}), got {shown(values)}.'
         )
     return list(np.broadcast_to(found, (count, size)))
+
+
+def mask(name: str, value: Any, count: int) -> None:
+    """Raises `ValueError` if a value is not a mask of shape (count,)."""
+    found = array(name, value, booleans=True)
+    if found.shape != (count,) or found.dtype != bool:
+        raise ValueError(f'{name} must be {count} booleans; got {shown(value)}.')
 
 
 def ids(value: Any, count: int) -> np.ndarray:

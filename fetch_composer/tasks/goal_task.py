@@ -249,7 +249,11 @@ class GoalTask(GoalConditionedTask):
             self._goal_scene = None
 
     def initialize_episode(self, physics, random_state) -> None:
-        start = self.starts.draw(random_state, self._next_episode)
+        try:
+            start = self.starts.draw(random_state, self._next_episode)
+        except ValueError:
+            self._next_episode = starts.Start()  # What was given was for this one alone.
+            raise
         if start.variations:
             self._vary(physics, start.variations)
         state = self.starts.state(start)
@@ -287,7 +291,7 @@ class GoalTask(GoalConditionedTask):
     def check_state(self, state: state_lib.State, random_state: np.random.RandomState) -> None:
         """Raises `ValueError`, which says what differs, if a state does not fit."""
         self.identity.check(state)
-        self.starts.check_restored(state.variations, state.given)
+        self.starts.check_restored(state.variations, state.given, state.has_begun)
         seeding.check_generator(random_state, state.generator)
 
     def set_state(
@@ -308,6 +312,7 @@ class GoalTask(GoalConditionedTask):
             prop_position=state.prop_position.copy(),
         )
         self._next_episode = starts.Start.of(state.given)
+        self._goal.show(self.visualize_reward and self.is_success())
         self._steps_taken = state.steps_taken
         random_state.set_state(dict(state.generator))
 

@@ -64,6 +64,8 @@ def options(pixels: 'Mapping | PixelOptions | None') -> PixelOptions:
         pixels['cameras'] = (pixels['cameras'],)
     if 'cameras' in pixels:
         pixels['cameras'] = tuple(checks.sequence('cameras of pixels', pixels['cameras']))
+        if not pixels['cameras']:
+            raise ValueError('cameras of pixels must name at least one camera, such as corner.')
     for name in ('height', 'width', 'supersampling'):
         if name in pixels:
             pixels[name] = checks.integer(f'The {name} of pixels', pixels[name], 1)

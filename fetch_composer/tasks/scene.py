@@ -156,7 +156,7 @@ class Scene:
         self.object_joints = [each.attach_to(self.arena) for each in self.objects]
 
         self.props: list[Prop] = []
-        self.obstacles = tuple(obstacles)
+        self.obstacles = tuple(checks.sequence('obstacles', obstacles))
         for obstacle in self.obstacles:
             self.arena.attach(obstacle).pos = obstacle.position
 
@@ -202,8 +202,13 @@ class Scene:
             position: (3,) position of its centre in m, at which every episode starts it; or what
                 draws x and y in m, (2,), for each, and is given those of the objects as
                 `initial_value`. Then it rests on the table, clear of all else.
+
+        Raises:
+            ValueError: if the position is neither.
         """
         sampler = position if isinstance(position, variation.Variation) else None
+        if not sampler:
+            checks.finite('The position of a prop', position, (3,))
         centre = np.zeros(3) if sampler else np.array(position, dtype=np.float64)
         if sampler:
             centre[2] = self.workspace.table_top + prop.half_height

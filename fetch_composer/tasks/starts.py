@@ -131,10 +131,14 @@ class EpisodeStarts:
         return Start(object_position, goal)
 
     def check_restored(
-        self, variations: Mapping[str, np.ndarray], given: Mapping[str, np.ndarray]
+        self,
+        variations: Mapping[str, np.ndarray],
+        given: Mapping[str, np.ndarray],
+        has_begun: bool,
     ) -> None:
         """Raises `ValueError` if what a state says was drawn, or given, cannot have been."""
-        self._variations.check_drawn(variations)
+        if variations or has_begun:
+            self._variations.check_drawn(variations)
         unknown = [name for name in given if name not in ('object_position', 'goal')]
         if unknown:
             raise ValueError(
@@ -178,7 +182,15 @@ class EpisodeStarts:
     def _draw_places(self, random_state: np.random.RandomState) -> Start:
         sampler = self._object_sampler
         places = None if sampler is None else sampler(random_state=random_state)
-        return Start(places, self._goal_sampler(initial_value=places, random_state=random_state))
+        goal = self._goal_sampler(initial_value=places, random_state=random_state)
+        for what, drawn, size in (('places', places, 2), ('goals', goal, 3)):
+            count = self._scene.num_goals
+            if drawn is not None and np.shape(drawn) != (size * count,):
+                raise ValueError(
+                    f'The sampler of {what} must draw {size} numbers for each of {count}, shape '
+                    f'({size * count},); it drew {checks.shown(drawn)}.'
+                )
+        return Start(places, goal)
 
     def _chosen(self, given: Start, drawn: Start, variations: Mapping[str, np.ndarray]) -> Start:
         """Returns the places that are given, or else the task's own, or else drawn."""

@@ -29,9 +29,9 @@ _BODY_FIELDS = (
 _GEOM_FIELDS = ('geom_type', 'geom_size', 'geom_pos', 'geom_quat', 'geom_friction', 'geom_solref')
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class State:
-    """State of one environment, alone or in a batch.
+    """State of one environment, alone or in a batch; two are equal if they are to the bit.
 
     Attributes:
         task_name: Name of its task.
@@ -65,6 +65,17 @@ class State:
     variations: Mapping[str, np.ndarray]
     given: Mapping[str, np.ndarray]
     generator: Mapping[str, Any]
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there has been an episode, for which something may have been drawn."""
+        return not self.is_over or self.steps_taken > 0
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, State):
+            return NotImplemented
+        names = [field.name for field in dataclasses.fields(self)]
+        return all(_is_same(getattr(self, name), getattr(other, name)) for name in names)
 
     def save(self, path: str | pathlib.Path) -> None:
         """Writes the state to an npz file, without pickles."""
@@ -183,6 +194,14 @@ def identity(
             'prop_position': (2 * num_props,),
         },
     )
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_is_same(one[each], other[each]) for each in one)
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    return one == other
 
 
 def copied(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

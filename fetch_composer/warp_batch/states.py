@@ -92,7 +92,7 @@ class States:
     def check(self, state: State) -> None:
         """Raises `ValueError`, which says what differs, if a state does not fit."""
         self._identity.check(state)
-        self._starts.check_restored(state.variations, state.given)
+        self._starts.check_restored(state.variations, state.given, state.has_begun)
         checks.mapping('generator of the state', state.generator)
         if state.generator.get('bit_generator') == GENERATOR:
             _check_generator(state.generator)

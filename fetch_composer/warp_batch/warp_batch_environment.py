@@ -1,6 +1,6 @@
 """Many environments of one task, advanced together on an accelerator."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import dm_env
@@ -120,9 +120,15 @@ class WarpBatchEnvironment(BatchFace):
                 for each environment; nothing has changed.
         """
         seeds = seeding.seeds_of_many(seed, self._num_envs)
+        self._seed(dict(enumerate(seeds)))
+
+    def _seed(self, seeds: Mapping[int, int | None]) -> None:
         episodes = self._simulation.episodes
-        episodes.key.assign(np.array([states.key(each) for each in seeds]))
-        episodes.drawn.zero_()
+        keys, drawn = episodes.key.numpy().copy(), episodes.drawn.numpy().copy()
+        for i, seed in seeds.items():
+            keys[i], drawn[i] = states.key(seed), 0
+        episodes.key.assign(keys)
+        episodes.drawn.assign(drawn)
 
     def reset(self, ids=None, object_position=None, goal=None, seed=None) -> dm_env.TimeStep:
         """Starts a new episode in every environment, or in some.
@@ -131,7 +137,9 @@ class WarpBatchEnvironment(BatchFace):
             ids: Indices of the environments, or a mask of shape (num_envs,); None for all.
             object_position: (2,) x and y in m at which objects start, or (n, 2) for n ids.
             goal: (3,) desired goal in m, or (n, 3) for n ids.
-            seed: If given, what `seed` is called with first; it seeds every environment.
+            seed: If given, those that are reset are seeded first: with the seed of the first
+                environment, after which the others' count up, or with one for each environment,
+                where None in place of one goes on with its draws.
 
         Returns:
             A time step of all environments. Those that were not reset have the observation and
@@ -149,7 +157,8 @@ class WarpBatchEnvironment(BatchFace):
             if value is not None
         }
         if seed is not None:
-            self.seed(seed)
+            seeds = seeding.seeds_of_many(seed, self._num_envs)
+            self._seed({i: seeds[i] for i in ids if seeds[i] is not None})
         episodes = self._simulation.episodes
         given_arrays = {'object_position': episodes.given_place, 'goal': episodes.given_goal}
         for name, array in given_arrays.items() if places else ():
