@@ -146,8 +146,8 @@ class BatchRollout:
     ) -> Iterator[list[Episode]]:
         """Yields the episodes, in the order of their seeds, `num_envs` or fewer at a time.
 
-        Each is what the policy does in `fetch_composer.load(task, seed=seed)`, to within
-        rounding, and the same to the bit for any `num_envs`.
+        Each is what the policy does in `fetch_composer.load(task, seed=seed)`, to the bit and for
+        any `num_envs`, if its actions are.
 
         Args:
             seeds: A non-negative integer for each episode.

@@ -6,7 +6,7 @@ import numpy as np
 
 from fetch_composer.explorer.episodes.episode import Episode
 
-_TOLERANCE = 1e-9  # m, rad; batch and single environment agree to within rounding.
+_TOLERANCE = 1e-9  # m, rad; an episode may have been run on another processor.
 
 
 class ReplayError(RuntimeError):
