@@ -56,6 +56,9 @@ def late(observation):
     moved = observation['observation'][:3] - (1.3419, 0.7491, 0.535)
     return np.full(4, np.nan) if np.abs(moved).max() > 0.01 else np.ones(4)
 
+def far(observation):
+    return np.array([1.5, -1e300, 0.1, 1e39])
+
 class Reusing:
     # Returns the same array every time.
     buffer = np.zeros(4)
@@ -211,3 +214,12 @@ def test_what_is_no_sequence_of_seeds_is_named(seeds):
     options = batch_rollout.EpisodeOptions('reach', 'zero', TaskOptions(max_episode_steps=2))
     with pytest.raises(ValueError, match='seeds must be a sequence; got'):
         batch_rollout.run_episodes(options, seeds)
+
+
+def test_what_is_recorded_is_the_action_that_was_taken(code):
+    """Clipped, and of the type that the spec of actions has."""
+    options = TaskOptions(max_episode_steps=5)
+    chosen = batch_rollout.EpisodeOptions('push', f'{code}:far', options)
+    (episode,) = batch_rollout.run_episodes(chosen, [0])
+    assert episode.action.dtype == np.float32
+    np.testing.assert_array_equal(episode.action, np.tile(np.float32([1, -1, 0.1, 1]), (5, 1)))

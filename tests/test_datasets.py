@@ -279,3 +279,25 @@ def test_the_card_has_what_was_made_once_and_says_what_was_not(tmp_path, monkeyp
     assert made[1:] == ['2000–2999', '50.0 (46.9–53.1)', '-30.0', '3']
     assert '| noisy | `--policy=expert --noise=0.2` |' in page.read_text()
     assert sum('not measured yet' in row for row in rows.values()) == 6 * len(make_datasets.KINDS)
+
+
+def test_actions_of_any_precision_lead_back_into_the_environment(tmp_path, monkeypatch):
+    (tmp_path / 'precise.py').write_text(
+        'import numpy as np\n'
+        'def act(observation):\n'
+        "    way = observation['desired_goal'] - observation['achieved_goal']\n"
+        '    return np.append(way / 0.05, 0)\n'
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    options = datasets.options('reach', 'precise:act')
+    datasets.save(f'ogbench:{tmp_path}/a.npz', options, seeds=(11, 5))
+    arrays = _arrays(tmp_path / 'a.npz')
+    assert np.abs(arrays['actions']).max() <= 1
+    datasets.assert_leads_back(
+        options,
+        11,
+        arrays['actions'][:-1],
+        arrays['observations'],
+        arrays['physics'],
+        arrays['gripper_pose'],
+    )

@@ -99,6 +99,7 @@ def test_a_backend_that_there_is_not_is_refused_and_the_valid_ones_are_listed(tm
         ({'width': 1_000_000}, r'width must be .* got 1000000'),
         ({'height': 65}, r'height must be an even number of pixels from 64 to 2160, got 65'),
         ({'fps': 0}, r'fps must be from 1 to 120'),
+        ({'supersampling': 200}, r'at most 81 pixels with a supersampling of 200; got 64 and 96'),
     ],
 )
 def test_a_mistake_is_named_before_anything_is_written(tmp_path, changes, message):
@@ -145,6 +146,22 @@ def test_a_mistake_is_one_line_without_a_traceback(tmp_path, capsys, flag, messa
     assert message.format(file=file) in line
     assert runs.names(tmp_path) == {'file'}
     assert file.read_text() == 'earlier'
+
+
+def test_a_folder_that_is_no_utf_8_is_refused(tmp_path):
+    folder = os.fsencode(tmp_path) + b'/bad\xff'
+    result = runs.explore('--episodes=1', b'--output_dir=' + folder)
+    assert result.returncode == 1
+    assert 'output_dir must be valid UTF-8' in result.stderr
+    assert not runs.names(tmp_path)
+
+
+def test_a_terminal_that_has_no_sign_for_something_gets_the_rest(tmp_path):
+    folder = tmp_path / 'für-große'
+    arguments = ['--episodes=1', '--films=none', f'--output_dir={folder}']
+    result = runs.explore(*arguments, PYTHONIOENCODING='ascii')
+    assert result.returncode == 0, result.stderr
+    assert 'summary.json' in result.stdout
 
 
 def test_a_module_that_opens_a_missing_file_is_answered_with_its_name(tmp_path):

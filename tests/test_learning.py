@@ -232,6 +232,7 @@ def _text(value):
 def test_time_may_end_a_run_and_more_time_continues_it(tmp_path):
     options = _options(tmp_path)
     _, summary = _run(dataclasses.replace(options, minutes=1e-6))
+    assert {path.name for path in tmp_path.iterdir()} >= {'policy.onnx', 'summary.json'}
     assert summary['environment_steps'] == 0
     assert ' --minutes 1e-06 ' in summary['command']
     _, summary = _run(options)
@@ -273,7 +274,10 @@ def test_a_seed_fixes_a_run_and_another_differs(tmp_path, reached):
         (['--set=discount=1.5'], 'discount must be less than 1, got 1.5'),
         (['--set=moved_share=2'], 'moved_share must be in [0, 1], got 2.0'),
         (['--seed=-1'], 'seed must be a non-negative integer, got -1'),
-        (['--minutes=0'], 'minutes must be positive, got 0'),
+        (['--minutes=0'], 'minutes must be positive and finite, got 0'),
+        (['--minutes=inf'], 'minutes must be positive and finite, got inf'),
+        (['--set=noise=inf'], 'noise must be finite and not negative, got inf'),
+        (['--set=random_iterations=0'], 'random_iterations must be positive and finite, got 0'),
     ],
 )
 def test_bad_flags_are_answered_with_what_is_valid(tmp_path, capsys, flags, message):

@@ -58,9 +58,10 @@ def test_a_picture_that_fails_costs_that_picture(tmp_path, monkeypatch, module, 
     assert set(runs.summary(tmp_path)['files']) == runs.PLAIN_FILES - {name}
 
 
-def test_results_are_written_though_films_cannot_be_taken(tmp_path, monkeypatch):
+@pytest.mark.parametrize('error', [drawing.DrawingError('no light'), OSError('no light')])
+def test_results_are_written_though_films_cannot_be_taken(tmp_path, monkeypatch, error):
     def fail(*arguments):
-        raise drawing.DrawingError('no light')
+        raise error
 
     monkeypatch.setattr(drawing.Drawer, 'take', fail)
     monkeypatch.setattr(film, 'kept', lambda *arguments: None)

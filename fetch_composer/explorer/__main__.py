@@ -5,6 +5,7 @@ over time, the trajectories and a summary. A run that was stopped or killed is c
 command.
 """
 
+import io
 import os
 import signal
 import sys
@@ -34,6 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status.
     """
     logging.set_verbosity(logging.WARNING)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # One that has no sign for a dash still has a row.
+            stream.reconfigure(errors='replace')
     try:
         return _explore(sys.argv[1:] if arguments is None else arguments, gl.chosen())
     except KeyboardInterrupt:

@@ -54,7 +54,12 @@ def prepare_folder(folder: pathlib.Path) -> None:
 
     Raises:
         OSError: if they cannot.
+        ValueError: if its name is not valid UTF-8, which reports and networks' files are.
     """
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:
+        raise ValueError(f'output_dir must be valid UTF-8, got {str(folder)!r}.') from None
     folder.mkdir(parents=True, exist_ok=True)
     tempfile.TemporaryDirectory(prefix=_PART, dir=folder).cleanup()
 

@@ -11,7 +11,7 @@ from fetch_composer.explorer.datasets import formats
 from fetch_composer.explorer.episodes import batch_rollout, memory, origin
 from fetch_composer.explorer.pictures import film
 from fetch_composer.explorer.results import standard
-from fetch_composer.tasks import TaskOptions, checks
+from fetch_composer.tasks import TaskOptions, camera, checks
 
 # Options of a task that the explorer leaves as they are: its policies see no pictures, and a
 # variation is an object, which no flag can name.
@@ -112,6 +112,7 @@ class Options:
             standard.check({**vars(self.task_options), **vars(self)})
         film.check_choice(self.films)
         film.check_format(self.width, self.height, self.fps)
+        camera.check_size(self.height, self.width, self.supersampling)
         if self.ray is not None:
             from fetch_composer.explorer.episodes import ray_rollout
 

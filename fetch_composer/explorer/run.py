@@ -133,6 +133,8 @@ class Run:
                         self._take_films(drawer, bar, on_progress)
                     except (drawing.DrawingError, replay.ReplayError) as error:
                         failure = error
+                    except OSError as error:
+                        failure = drawing.DrawingError(f'A film could not be written: {error}')
             # A signal that comes later finds nothing left to be stopped.
             self.stopped_by = noted[0] if noted and not self._is_complete else None
             if not self.finished:

@@ -98,10 +98,11 @@ def main(arguments: list[str] | None = None) -> int:
     print(
         f'success {summary["success_rate"]:.3f} ({low:.3f} to {high:.3f}) over '
         f'{summary["episodes"]} held-out episodes, after {summary["environment_steps"]} steps and '
-        f'{summary["minutes"]:.1f} min\n'
-        f'open {folder / "curve.png"}',
+        f'{summary["minutes"]:.1f} min',
         flush=True,
     )
+    if (folder / 'curve.png').exists():  # A run that time has ended may have no point of it.
+        print(f'open {folder / "curve.png"}', flush=True)
     return _explore(options, environment) if flags.report else 0
 
 

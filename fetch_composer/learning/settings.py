@@ -1,6 +1,7 @@
 """Every number of the learner, and where tasks differ in them."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,7 +17,7 @@ _SHARES = (
     'near_share', 'uniform_share', 'final_noise', 'last_final_noise', 'noise_falls_until',
     'relay_share', 'shove_share', 'grip_share',
 )  # fmt: skip
-_MAY_BE_ZERO = ('noise', 'goal_noise', 'action_cost', 'shift', 'relay_spread', 'random_iterations')
+_MAY_BE_ZERO = ('noise', 'goal_noise', 'action_cost', 'shift', 'relay_spread')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,10 +118,10 @@ class Settings:
                 if not value or min(value) < 1:
                     raise ValueError(f'hidden must name at least one layer, got {value}.')
             elif field.name in _MAY_BE_ZERO:
-                if not value >= 0:
-                    raise ValueError(f'{field.name} must not be negative, got {value}.')
-            elif not value > 0:
-                raise ValueError(f'{field.name} must be positive, got {value}.')
+                if not 0 <= value < math.inf:
+                    raise ValueError(f'{field.name} must be finite and not negative, got {value}.')
+            elif not 0 < value < math.inf:
+                raise ValueError(f'{field.name} must be positive and finite, got {value}.')
         if not self.discount < 1:
             raise ValueError(f'discount must be less than 1, got {self.discount}.')
         for first, second in (('moved_share', 'lifted_share'), ('shove_share', 'grip_share')):

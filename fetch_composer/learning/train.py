@@ -1,6 +1,7 @@
 """A whole run: Reach for the relay, then the task, its curve, and the policy at the end."""
 
 import dataclasses
+import math
 import pathlib
 import time
 from collections.abc import Callable, Mapping
@@ -52,8 +53,8 @@ class Options:
         checks.one_of('convention', self.convention, conventions.CONVENTIONS)
         if self.seed < 0:
             raise ValueError(f'seed must be a non-negative integer, got {self.seed}.')
-        if self.minutes is not None and not self.minutes > 0:
-            raise ValueError(f'minutes must be positive, got {self.minutes}.')
+        if self.minutes is not None and not 0 < self.minutes < math.inf:
+            raise ValueError(f'minutes must be positive and finite, got {self.minutes}.')
         if self.device is not None and self.num_threads is not None:
             raise ValueError('num_threads are of the native batch, and not of a device.')
 

@@ -179,6 +179,7 @@ class BatchRollout:
                 action = act(record.observation, record.running)
                 policies.check_shape(action, (count, *self._batch.single_action_spec().shape))
                 _check_finite(action, seeds)
+                action = self._batch.options.mode.clip(action, (count,)).astype(np.float32)
             action = np.concatenate([action, np.repeat(action[-1:], idle, axis=0)])
             started = time.perf_counter()
             time_step = self._batch.step(action)

@@ -156,6 +156,10 @@ def _output(outputs, size: int, path: str) -> Any:
             f'{path} has the outputs {names}; one must be named {" or ".join(_ACTION_NAMES)}.'
         )
     (output,) = chosen
+    if output.type not in _TYPES:
+        raise ValueError(
+            f'{path}: output {output.name!r} is {output.type}; valid are {", ".join(_TYPES)}.'
+        )
     if output.shape and not _fits(output.shape, size):
         raise ValueError(
             f'{path}: output {output.name!r} has shape {_shown(output.shape)}, but an action is '
