@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib import figure
 
 from benchmarks import markdown
-from fetch_composer import policies
+from fetch_composer import policies, tasks
 from fetch_composer.explorer import files
 from fetch_composer.explorer.pictures import style
 from fetch_composer.learning import curve, settings, train
@@ -33,12 +33,13 @@ _TIMED_TABLE = 'timed table: made by make curves'
 _FRUGAL_TABLE = 'frugal table: made by make curves'
 _POLICIES_TABLE = 'policies table: made by make curves'
 
-_TASKS = ('reach', 'push', 'pick_and_place', 'slide')
+_TASKS = ('reach', 'push', 'pick_and_place', 'slide', 'push_around')
 _COLOURS = {'documented': style.SUCCESS, 'gymnasium_robotics': style.FAILURE}
 # Of the processor: a machine that does other work as well does not change them.
 _AXES = {'environment_steps': 'environment steps', 'cpu_minutes': 'minutes of the processor'}
 _SOLVED = 0.95
-_MINUTES = {'reach': 1, 'push': 5, 'pick_and_place': 5, 'slide': 60}  # Of `--kind timed`.
+# Of `--kind timed`.
+_MINUTES = {'reach': 1, 'push': 5, 'pick_and_place': 5, 'slide': 60, 'push_around': 30}
 _FORMS = {
     'environment_steps': '{:,.0f}',
     'minutes': '{:.1f}',
@@ -58,7 +59,7 @@ _parser.add_argument('--draw', action='store_true', help='learn nothing')
 def _learn(args: argparse.Namespace) -> None:
     """Makes the runs that are not finished, and keeps the curve and the figures of each."""
     kind, frugal = _suffix(args.kind), args.kind == 'frugal'
-    for seed, task, convention in itertools.product(args.seeds, args.tasks, _COLOURS):
+    for seed, (task, convention) in itertools.product(args.seeds, _forms(args.tasks)):
         name = f'{task}_{convention}{kind}_seed{seed}'
         if _has_usual_settings(files.load_json(_DATA / f'{name}.json'), task, frugal):
             continue
@@ -73,6 +74,11 @@ def _learn(args: argparse.Namespace) -> None:
             words.append(f'--minutes={_MINUTES[task]}')
         subprocess.run(words, check=True)
         keep(output, name)
+
+
+def _forms(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Returns task and convention of each form that these tasks have."""
+    return [(task, convention) for task in names for convention in tasks.conventions_of(task)]
 
 
 def _suffix(kind: str) -> str:
@@ -127,10 +133,10 @@ def _finished(
 
 def _draw() -> None:
     """Draws success against control steps and against minutes; a row for each task with a run."""
-    tasks = [task for task in _TASKS if any(_finished(task, each) for each in _COLOURS)]
-    canvas = figure.Figure(figsize=(9, 2.6 * len(tasks)), dpi=110, layout='constrained')
-    rows = canvas.subplots(len(tasks), 2, sharey=True, squeeze=False)
-    for task, axes_of_row in zip(tasks, rows, strict=True):
+    drawn = [task for task in _TASKS if any(_finished(task, each) for each in _COLOURS)]
+    canvas = figure.Figure(figsize=(9, 2.6 * len(drawn)), dpi=110, layout='constrained')
+    rows = canvas.subplots(len(drawn), 2, sharey=True, squeeze=False)
+    for task, axes_of_row in zip(drawn, rows, strict=True):
         for axes, (place, label) in zip(axes_of_row, _AXES.items(), strict=True):
             for convention, colour in _COLOURS.items():
                 curves = [points for _, points in _finished(task, convention)]
@@ -214,7 +220,7 @@ def _groups(kind: str) -> Iterator[tuple[str, str, list[dict], list[dict | None]
         Task, convention, the figures at the end of each finished run, and those of the first
         point of its curve at which it is solved: None if it never is.
     """
-    for task, convention in itertools.product(_TASKS, _COLOURS):
+    for task, convention in _forms(_TASKS):
         runs = _finished(task, convention, kind)
         solved = [_first_solved(points) for _, points in runs]
         yield (
@@ -246,7 +252,7 @@ def _policies() -> str:
     header = ('task', 'convention', 'success of 1,000', 'interval', 'steps', 'minutes')
     header += ('of the processor', 'how')
     rows = []
-    for task, convention in itertools.product(_TASKS, _COLOURS):
+    for task, convention in _forms(_TASKS):
         card = files.load_json(_POLICIES / f'{task}_{convention}.json')
         if card:
             low, high = card['success_interval']

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fetch_composer
-from fetch_composer import policies
-from fetch_composer.tasks import rewards
+from fetch_composer import policies, tasks
+from fetch_composer.tasks import conventions, rewards
 
 onnxruntime = pytest.importorskip('onnxruntime', reason="needs pip install 'fetch_composer[learn]'")
 
@@ -17,6 +17,29 @@ _FOLDER = pathlib.Path(policies.__file__).parent / 'trained'
 _LARGEST = 300_000  # bytes
 _EPISODES = 100
 _FIRST_SEED = 1_000_000  # Of episodes that no policy has learned from.
+
+
+_PUBLISHED = [(task, each) for task in tasks.published() for each in conventions.CONVENTIONS]
+_FORMS = (*_PUBLISHED, ('push_around', 'documented'))
+
+
+@pytest.fixture(params=_FORMS, ids='-'.join)
+def form(request) -> tuple[str, str]:
+    return request.param
+
+
+@pytest.fixture
+def task_name(form) -> str:
+    return form[0]
+
+
+@pytest.fixture
+def convention(form) -> str:
+    return form[1]
+
+
+def test_no_other_policy_ships():
+    assert {each.stem for each in _FOLDER.glob('*.onnx')} == {'_'.join(form) for form in _FORMS}
 
 
 @pytest.fixture

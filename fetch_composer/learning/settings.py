@@ -162,7 +162,7 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     'stack': {'environment_steps': 1_000_000, 'evaluate_every': 10, **_GRASP},
     'push_two': {'environment_steps': 1_000_000, 'evaluate_every': 10},
     # Its wall stays where it is.
-    'push_around': {'shift': 0.0},
+    'push_around': {'environment_steps': 1_000_000, 'evaluate_every': 10, 'shift': 0.0},
     # The puck glides for most of an episode, and what it does then was decided long before: later
     # rewards weigh more, and two are summed; and a hit that may miss is not preferred to a drag
     # that takes longer. Where the puck ends depends on millimetres. So noise and relays, which
