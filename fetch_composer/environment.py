@@ -91,6 +91,12 @@ class Environment(composer.Environment):
         return super().reset()
 
     @property
+    def physics(self):
+        """The simulation."""
+        self._check_open()
+        return super().physics
+
+    @property
     def is_over(self) -> bool:
         """Whether the next step starts another episode."""
         return self._reset_next_step

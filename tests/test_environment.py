@@ -246,7 +246,13 @@ def test_after_close_every_call_says_that_it_is_closed():
     env.reset()
     env.close()
     env.close()
-    for call in env.reset, lambda: env.step(np.zeros(4, np.float32)), lambda: env.seed(0):
+    calls = (
+        env.reset,
+        lambda: env.step(np.zeros(4, np.float32)),
+        lambda: env.seed(0),
+        lambda: env.physics,
+    )
+    for call in calls:
         with pytest.raises(RuntimeError, match='closed'):
             call()
 
