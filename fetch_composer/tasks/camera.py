@@ -13,11 +13,11 @@ _LARGEST = 16384  # Pixels along a side, of which OpenGL draws no more.
 
 def check_size(height: int, width: int, supersampling: int) -> None:
     """Raises `ValueError`, which says how large one may be, if no picture can be so large."""
-    largest = _LARGEST // supersampling
+    largest = _LARGEST // int(supersampling)  # Which may be one of NumPy's, of eight bits.
     if max(height, width) > largest:
         raise ValueError(
             f'height and width must be at most {largest} pixels with a supersampling of '
-            f'{supersampling}; got {checks.shown(height)} and {checks.shown(width)}.'
+            f'{checks.shown(supersampling)}; got {checks.shown(height)} and {checks.shown(width)}.'
         )
 
 

@@ -203,7 +203,7 @@ def gymnasium_resets(tally: Tally, seed: int, examples: int) -> None:
             optional={
                 'goal': st.one_of(values.ANYTHING, values.vectors(3)),
                 'object_position': st.one_of(values.ANYTHING, values.vectors(2)),
-                'reset_mask': values.ANYTHING,
+                'reset_mask': st.one_of(values.ANYTHING, st.lists(st.booleans(), max_size=4)),
             },
         ),
     )
@@ -211,7 +211,7 @@ def gymnasium_resets(tally: Tally, seed: int, examples: int) -> None:
 
     def check(face, arguments) -> None:
         env = _gymnasium(face)
-        names = ('option', 'seed', 'goal', 'object_position', 'ids')
+        names = ('option', 'seed', 'goal', 'object_position', 'reset_mask')
         with _refused_or_right(tally, *names):
             _check_finite(env.reset(**arguments)[0])
 
