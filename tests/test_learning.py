@@ -100,6 +100,14 @@ def test_the_policy_of_relays_has_learned_whatever_the_length_and_number_of_epis
     assert steps == 9_600 and updates == 0.25 * 50 * 64
 
 
+def test_a_relay_that_waits_has_learned_nothing_and_its_run_continues(tmp_path):
+    options = _options(tmp_path, 'push', relay_steps=0, relay_share=1.0)
+    _run(dataclasses.replace(options, minutes=1e-6))
+    run, summary = _run(options)
+    assert run._relay_counts.tolist() == [0, 0] and 'Reach' not in summary['method']
+    assert summary['environment_steps'] == _TINY['environment_steps']
+
+
 def test_a_relay_too_short_to_learn_is_refused(tmp_path):
     with pytest.raises(ValueError, match='relay_steps must be more than 800, in which'):
         train.Run(_options(tmp_path, 'push', relay_steps=800))

@@ -40,18 +40,27 @@ _CLOSING = np.array([0, 0, 0, _CLOSED])
 _OBSERVED_FINGERS = np.r_[layout.WITHOUT_OBJECT.fingers, layout.WITHOUT_OBJECT.finger_velocities]
 
 
+class Still:
+    """A policy that stays where it is."""
+
+    def act(self, observation: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Returns (n, 4) actions of 0."""
+        del goal  # Unused.
+        return np.zeros((len(observation), networks.ACTION_SIZE), np.float32)
+
+
 @dataclasses.dataclass(frozen=True)
 class Relay:
     """One's own policy of Reach, learned at the beginning of the same run.
 
     Attributes:
-        policy: What was learned of Reach.
+        policy: What was learned of Reach, or `Still`.
         start: (10,) what Reach observes as an episode begins. Other tasks have their robot
             elsewhere: places are moved by the difference. Fingers are blocked in Reach, so that
             its policy knows no others, and is always shown these.
     """
 
-    policy: networks.Policy
+    policy: networks.Policy | Still
     start: np.ndarray
 
 

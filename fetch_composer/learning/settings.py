@@ -17,7 +17,7 @@ _SHARES = (
     'near_share', 'uniform_share', 'final_noise', 'last_final_noise', 'noise_falls_until',
     'relay_share', 'shove_share', 'grip_share',
 )  # fmt: skip
-_MAY_BE_ZERO = ('noise', 'goal_noise', 'action_cost', 'shift', 'relay_spread')
+_MAY_BE_ZERO = ('noise', 'goal_noise', 'action_cost', 'shift', 'relay_spread', 'relay_steps')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +65,8 @@ class Settings:
             steps.
         grip_share: Share of relays that end in a grip: the fingers, open so far, close, and stay
             closed while one action is taken for some steps.
-        relay_steps: Control steps for which Reach is learned before, for the relay.
+        relay_steps: Control steps for which Reach is learned before, for the relay; with 0 it waits
+            where it is in place of reaching.
         relay_spread: They reach for a place up to this many m beside it.
         evaluate_every: Iterations from one point of the curve to the next.
         evaluation_episodes: Episodes of a point of the curve.
@@ -170,7 +171,8 @@ _OF_TASK: dict[str, dict[str, Any]] = {
     # the end half of a batch is from where they happen. From the beginning on, that would be drags.
     # By then hits miss by little, of which goals in hindsight say nothing: these are never missed.
     # A policy that is shown a place beside the goal hits a little harder or weaker; noise of single
-    # steps averages out over a hit.
+    # steps averages out over a hit. Relays shove from where the gripper starts: those that reached
+    # for the puck before did no better.
     'slide': {
         'environment_steps': 4_000_000,
         'num_envs': 256,
@@ -185,6 +187,7 @@ _OF_TASK: dict[str, dict[str, Any]] = {
         'final_noise': 0.0,
         'last_final_noise': 0.25,
         'noise_falls_until': 0.25,
+        'relay_steps': 0,
         'evaluate_every': 10,
     },
 }

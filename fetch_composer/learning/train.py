@@ -17,9 +17,9 @@ from fetch_composer.explorer.folder_lock import FolderLock
 from fetch_composer.explorer.results import statistics
 from fetch_composer.learning import checkpoint, curve, networks
 from fetch_composer.learning import settings as settings_lib
-from fetch_composer.learning.relay import Relay
+from fetch_composer.learning.relay import Relay, Still
 from fetch_composer.learning.trainer import DivergedError, Trainer, flatten, unflatten
-from fetch_composer.tasks import checks, conventions
+from fetch_composer.tasks import checks, conventions, layout
 
 _RELAY_TASK = 'reach'
 
@@ -199,6 +199,9 @@ class Run:
     def _relay(self, state: Mapping[str, np.ndarray] | None) -> Relay:
         """Returns the policy of Reach: from the checkpoint, or learned now."""
         options, own = self._options, self._options.settings
+        if not own.relay_steps:
+            self._relay_state = {}
+            return Relay(Still(), np.zeros(layout.WITHOUT_OBJECT.size))
         reach = settings_lib.for_task(_RELAY_TASK)
         # Episodes of many environments, or long ones, would be over before anything is learned.
         settings = dataclasses.replace(
@@ -253,7 +256,7 @@ class Run:
 
     def _method(self) -> str:
         how = 'learned from scratch by TD3 with hindsight relabelling, sparse reward'
-        if self._needs_relay:
+        if self._needs_relay and self._options.settings.relay_steps:
             how += '; exploring relays from a policy of Reach that was learned in the same run'
         return how
 
