@@ -138,6 +138,7 @@ class Environment(composer.Environment):
                 self.reset()
             else:
                 self._take_compiled()
+                self._look_at_model()
         task.set_state(self._physics_proxy, state, self._random_state)
         self._reset_next_step = state.is_over
         self._warnings[:] = 0
@@ -190,7 +191,6 @@ class Environment(composer.Environment):
         self._observation_updater = self._make_observation_updater()
         self._observation_updater.reset(self._physics_proxy, self._random_state)
         self._mjcf_never_compiled = False
-        self._look_at_model()
 
     def _look_at_model(self) -> None:
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr

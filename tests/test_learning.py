@@ -240,11 +240,20 @@ def _text(value):
 def test_time_may_end_a_run_and_more_time_continues_it(tmp_path):
     options = _options(tmp_path)
     _, summary = _run(dataclasses.replace(options, minutes=1e-6))
-    assert {path.name for path in tmp_path.iterdir()} >= {'policy.onnx', 'summary.json'}
     assert summary['environment_steps'] == 0
     assert ' --minutes 1e-06 ' in summary['command']
     _, summary = _run(options)
     assert summary['environment_steps'] == _TINY['environment_steps']
+
+
+@pytest.mark.parametrize('minutes', [1e-6, 10])
+def test_a_picture_to_open_is_there(tmp_path, capsys, minutes):
+    flags = [f'--set={name}={_text(value)}' for name, value in _TINY.items()]
+    flags += ['--task=reach', '--no-report', f'--minutes={minutes}', f'--output_dir={tmp_path}']
+    assert command.main(flags) == 0
+    _, opens, path = capsys.readouterr().out.partition('open ')
+    assert (tmp_path / 'curve.png').is_file() == bool(opens) == (minutes == 10)
+    assert not opens or pathlib.Path(path.strip()).samefile(tmp_path / 'curve.png')
 
 
 def test_networks_that_diverge_leave_the_last_good_checkpoint(tmp_path):

@@ -40,6 +40,15 @@ def _follows(env):
     return [env.step(action) for action in episodes.uniform_actions(90, seed=2)]
 
 
+def _begun(variations):
+    """Returns an environment of Push and a batch of two, in their first episodes."""
+    env = fetch_composer.load('push', seed=0, variations=variations)
+    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
+    env.reset()
+    batch.reset()
+    return env, batch
+
+
 def test_the_same_environment_goes_on_as_it_did(task_name, options):
     env = episodes.shared(task_name, 3, **options)
     state, expected = _taken(env)
@@ -155,11 +164,7 @@ def test_a_state_of_another_environment_is_refused_and_nothing_changes():
 
 
 def test_a_state_made_by_hand_that_cannot_be_is_refused_and_nothing_changes():
-    variations = {'object_mass': distributions.Uniform(1.0, 3.0)}
-    env = fetch_composer.load('push', seed=0, variations=variations)
-    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
-    env.reset()
-    batch.reset()
+    env, batch = _begun({'object_mass': distributions.Uniform(1.0, 3.0)})
     kept, kept_rows = env.get_state(), batch.get_states()
     expected, expected_rows = _follows(env), episodes.run(batch, np.ones((3, 2, 4)))
     env.set_state(kept)
@@ -243,11 +248,7 @@ def test_gymnasium_draws_on_and_starts_where_it_was_to_even_before_its_first_res
 
 
 def test_a_state_shares_no_array_with_its_environment():
-    variations = {'friction': distributions.Uniform(0.3, 1.0)}
-    env = fetch_composer.load('push', seed=0, variations=variations)
-    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
-    env.reset()
-    batch.reset()
+    env, batch = _begun({'friction': distributions.Uniform(0.3, 1.0)})
     env.task.set_next_episode(goal=(1.2, 0.7, 0.43))
     expected = env.get_state()
     batch.set_states([expected], [1])
@@ -326,11 +327,7 @@ def test_the_example_finds_a_plan_that_is_better_than_none():
 
 
 def test_a_state_whose_sizes_do_not_fit_the_shape_is_refused_and_nothing_changes():
-    variations = {'object_size': distributions.Uniform((0.02,) * 3, (0.03,) * 3)}
-    env = fetch_composer.load('push', seed=0, variations=variations)
-    batch = fetch_composer.BatchEnvironment('push', 2, seed=0, variations=variations)
-    env.reset()
-    batch.reset()
+    env, batch = _begun({'object_size': distributions.Uniform((0.02,) * 3, (0.03,) * 3)})
     kept, kept_rows = env.get_state(), batch.get_states()
     bad = dataclasses.replace(kept, variations={'object_size': np.array((0.02, 0.03))})
     with pytest.raises(ValueError, match='this object has 3 sizes'):

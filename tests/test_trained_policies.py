@@ -17,8 +17,6 @@ _FOLDER = pathlib.Path(policies.__file__).parent / 'trained'
 _LARGEST = 300_000  # bytes
 _EPISODES = 100
 _FIRST_SEED = 1_000_000  # Of episodes that no policy has learned from.
-
-
 _PUBLISHED = [(task, each) for task in tasks.published() for each in conventions.CONVENTIONS]
 _FORMS = (*_PUBLISHED, ('push_around', 'documented'))
 
@@ -38,10 +36,6 @@ def convention(form) -> str:
     return form[1]
 
 
-def test_no_other_policy_ships():
-    assert {each.stem for each in _FOLDER.glob('*.onnx')} == {'_'.join(form) for form in _FORMS}
-
-
 @pytest.fixture
 def path(task_name, convention) -> pathlib.Path:
     return _FOLDER / f'{task_name}_{convention}.onnx'
@@ -50,6 +44,10 @@ def path(task_name, convention) -> pathlib.Path:
 @pytest.fixture
 def card(path) -> dict:
     return json.loads(path.with_suffix('.json').read_text())
+
+
+def test_no_other_policy_ships():
+    assert {each.stem for each in _FOLDER.glob('*.onnx')} == {'_'.join(form) for form in _FORMS}
 
 
 def test_each_task_has_a_small_policy_that_fits_it(path, env):

@@ -62,26 +62,26 @@ class BatchEpisodes:
             given: The places that are not to be drawn; None for what states have brought.
             seeds: A seed for each environment of the batch; None where its draws go on.
         """
-        before = list(self._random_states)
         self.is_over[ids] = True
         given = [self._given[i] for i in ids] if given is None else given
-        generators = [self._random_states[i].get_state() for i in ids] if self._may_fail else []
+        sources = [self._random_states[i] for i in ids]
         if seeds is not None:
-            for i in ids:
-                if seeds[i] is not None:
-                    self._random_states[i] = seeding.SeededRandomState(seeds[i])
+            sources = [
+                source if seeds[i] is None else seeding.SeededRandomState(seeds[i])
+                for i, source in zip(ids, sources, strict=True)
+            ]
+        generators = [source.get_state() for source in sources] if self._may_fail else []
         try:
             drawn = [
-                self._starts.draw(self._random_states[i], each)
-                for i, each in zip(ids, given, strict=True)
+                self._starts.draw(source, each) for source, each in zip(sources, given, strict=True)
             ]
             yield drawn
         except BaseException:
-            self._random_states = before
-            for i, generator in zip(ids, generators, strict=False):
-                self._random_states[i].set_state(generator)
+            for source, generator in zip(sources, generators, strict=False):
+                source.set_state(generator)
             raise
-        for i, start in zip(ids, drawn, strict=True):
+        for i, start, source in zip(ids, drawn, sources, strict=True):
+            self._random_states[i] = source
             self.goals[i] = start.goal
             self._drawn[i], self._given[i] = start.variations, starts.Start()
             self._prop_position[i] = start.prop_position

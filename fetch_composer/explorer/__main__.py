@@ -5,7 +5,6 @@ over time, the trajectories and a summary. A run that was stopped or killed is c
 command.
 """
 
-import io
 import os
 import signal
 import sys
@@ -15,6 +14,7 @@ from collections.abc import Sequence
 from absl import flags as absl_flags
 from absl import logging
 
+from fetch_composer import terminal
 from fetch_composer.explorer import gl
 
 if typing.TYPE_CHECKING:
@@ -35,9 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status.
     """
     logging.set_verbosity(logging.WARNING)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # One that has no sign for a dash still has a row.
-            stream.reconfigure(errors='replace')
+    terminal.print_whatever_there_is()
     try:
         return _explore(sys.argv[1:] if arguments is None else arguments, gl.chosen())
     except KeyboardInterrupt:

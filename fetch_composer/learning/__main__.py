@@ -10,6 +10,8 @@ import subprocess
 import sys
 import typing
 
+from fetch_composer import terminal
+
 if typing.TYPE_CHECKING:
     from fetch_composer.learning import train
 
@@ -50,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command; returns its exit status."""
+    terminal.print_whatever_there_is()
     flags = _parser().parse_args(arguments)
     environment = dict(os.environ)  # As the explorer needs it: it draws.
     os.environ.setdefault('XLA_FLAGS', _ONE_THREAD)

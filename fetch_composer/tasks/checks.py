@@ -201,10 +201,13 @@ def places(name: str, values: Any, count: int, size: int) -> list[np.ndarray | N
     return list(np.broadcast_to(found, (count, size)))
 
 
+def _is_mask(value: np.ndarray, count: int) -> bool:
+    return value.shape == (count,) and value.dtype == bool
+
+
 def mask(name: str, value: Any, count: int) -> None:
     """Raises `ValueError` if a value is not a mask of shape (count,)."""
-    found = array(name, value, booleans=True)
-    if found.shape != (count,) or found.dtype != bool:
+    if not _is_mask(array(name, value, booleans=True), count):
         raise ValueError(f'{name} must be {count} booleans; got {shown(value)}.')
 
 
@@ -221,7 +224,7 @@ def ids(value: Any, count: int) -> np.ndarray:
     if value is None:
         return np.arange(count)
     found = array('ids', value, booleans=True)
-    if found.shape == (count,) and found.dtype == bool:
+    if _is_mask(found, count):
         return np.flatnonzero(found)
     valid = found.ndim == 1 and (found.dtype.kind in 'iu' or not found.size)
     if valid and found.size:

@@ -32,7 +32,7 @@ def euler_xyz(xmat: Sequence[float]) -> tuple[float, float, float]:
         sines, cosines = (-m12, m02, -m01), (m22, cosine, m00)
     else:
         sines, cosines = (0.0, m02, m10), (1.0, cosine, m11)
-    # Other than NumPy's rounds otherwise than the batch does, and Gymnasium-Robotics.
+    # NumPy's, as in a batch and in Gymnasium-Robotics: that of `math` rounds otherwise.
     return tuple(np.arctan2(sines, cosines).tolist())
 
 

@@ -183,8 +183,8 @@ class EpisodeStarts:
         sampler = self._object_sampler
         places = None if sampler is None else sampler(random_state=random_state)
         goal = self._goal_sampler(initial_value=places, random_state=random_state)
+        count = self._scene.num_goals
         for what, drawn, size in (('places', places, 2), ('goals', goal, 3)):
-            count = self._scene.num_goals
             if drawn is not None and np.shape(drawn) != (size * count,):
                 raise ValueError(
                     f'The sampler of {what} must draw {size} numbers for each of {count}, shape '

@@ -5,7 +5,6 @@ import dataclasses
 import functools
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import hypothesis
 import numpy as np
@@ -60,22 +59,6 @@ def _refused_or_right(tally: Tally, *names: str) -> Iterator[None]:
         tally.add(was_refused=False)
 
 
-def equal(one: Any, other: Any) -> bool:
-    """Returns whether two states are the same to the bit."""
-    if dataclasses.is_dataclass(one):
-        return all(
-            equal(getattr(one, field.name), getattr(other, field.name))
-            for field in dataclasses.fields(one)
-        )
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(equal(one[name], other[name]) for name in one)
-    if isinstance(one, (list, tuple)):
-        return len(one) == len(other) and all(map(equal, one, other))
-    if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
-    return bool(one == other)
-
-
 def _check_finite(observation) -> None:
     for name, value in observation.items():
         assert value.dtype == np.float64 and np.isfinite(value).all(), (name, value)
@@ -106,7 +89,7 @@ def actions(tally: Tally, seed: int, examples: int) -> None:
                 _check_finite(env.step(action).observation)
                 before = None
         finally:
-            assert before is None or equal(before, env.get_state()), 'refused, and has moved'
+            assert before is None or before == env.get_state(), 'refused, and has moved'
 
     _fuzz(
         seed, examples, check,
@@ -123,7 +106,7 @@ def batch_actions(tally: Tally, seed: int, examples: int) -> None:
         with _refused_or_right(tally, 'action', 'Action'):
             _check_finite(batch.step(action).observation)
             before = None
-        assert before is None or equal(before, batch.get_states()), 'refused, and has moved'
+        assert before is None or before == batch.get_states(), 'refused, and has moved'
 
     _fuzz(
         seed, examples, check,
@@ -146,7 +129,7 @@ def batch_resets(tally: Tally, seed: int, examples: int) -> None:
         with _refused_or_right(tally, *arguments, 'seeds'):
             _check_finite(batch.reset(**arguments).observation)
             before = None
-        assert before is None or equal(before, batch.get_states()), 'refused, and has changed'
+        assert before is None or before == batch.get_states(), 'refused, and has changed'
 
     _fuzz(
         seed, examples, check,
@@ -175,8 +158,8 @@ def states(tally: Tally, seed: int, examples: int) -> None:
                 restore()
                 was_refused = False
             if was_refused:
-                assert equal(kept, env.get_state()), 'refused, and has changed'
-                assert equal(kept_rows, batch.get_states()), 'refused, and has changed'
+                assert kept == env.get_state(), 'refused, and has changed'
+                assert kept_rows == batch.get_states(), 'refused, and has changed'
             else:
                 with contextlib.suppress(control.PhysicsError):  # From a pose far away.
                     _check_finite(face.step(np.zeros(face.action_spec().shape)).observation)
